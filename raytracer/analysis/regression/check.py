@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.compare import TESTS, Verdict, z_test
-from raytracer.analysis.regression.input_digests import changed_inputs, digests
 from raytracer.analysis.regression.reference_file import SUFFIX, Reference, load_reference
 from raytracer.analysis.regression.render_reference import (
     MIN_SPP,
     ReferenceScene,
+    changed_inputs,
+    digests,
     gain_ratio,
     load_recipe_scene,
     measured_gains,
@@ -49,6 +50,8 @@ _POWER = 0.99
 # The test of the means looks at three channels.
 _CHANNELS = 3
 
+# Names of the parts of the z-test in JSON, in the order of `Verdict.p_values`.
+_P_NAMES = ("means", "tiles", "pixels", "exceeding", "patterns", "pattern_tiles", "neighbours", "squares")
 
 _OUTCOMES = {"passed": "passed", "failed": "FAILED", "error": "cannot be checked", "skipped": "left out"}
 
@@ -123,26 +126,17 @@ class CheckResult:
             "seed": self.seed,
             "alpha": self.alpha,
             "seconds": self.seconds,
-            "finds": self.detectable_change if math.isfinite(self.detectable_change) else None,
-            "p": None
-            if verdict is None
-            else {
-                "means": verdict.mean_p,
-                "tiles": verdict.tile_p,
-                "pixels": verdict.pixel_p,
-                "exceeding": verdict.exceeding_p,
-                "patterns": verdict.pattern_p,
-                "pattern_tiles": verdict.pattern_tile_p,
-                "neighbours": verdict.neighbour_p,
-                "squares": verdict.squares_p,
-            },
+            "finds": _finite(self.detectable_change),
+            "p": verdict and dict(zip(_P_NAMES, verdict.p_values().values(), strict=True)),
             "findings": [] if verdict is None else list(verdict.findings),
-            "would_have_found": None
-            if verdict is None
-            else {
-                name: float(value) if math.isfinite(value) else None for name, value in verdict.limits._asdict().items()
-            },
+            "would_have_found": verdict
+            and {name: _finite(float(value)) for name, value in verdict.limits._asdict().items()},
         }
+
+
+def _finite(value: float) -> float | None:
+    """Return a number that JSON has; None for others."""
+    return value if math.isfinite(value) else None
 
 
 def find_references(folder: str | Path, names: Sequence[str] = ()) -> list[Path]:
