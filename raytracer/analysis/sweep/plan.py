@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from pydantic import Field, ValidationError
 
-from raytracer.analysis.sweep.parse_values import ParsedValues, parse_value, single_value_axis
+from raytracer.analysis.sweep.parse_values import ParsedValues, parse_value, single_value
 from raytracer.analysis.sweep.results import Axis
 from raytracer.scene.file_access import check_names_allowed
 from raytracer.scene.load import load
@@ -173,7 +173,9 @@ def _read_file(root: Node, file: str, allow_files: AllowFiles) -> tuple[SweepSpe
     if not os.path.exists(path):
         raise error_at(f"there is no file {format_value(content.scene)} in {sandbox.folder}", ("scene",), root, file)
     within = make_sandbox(path.parent, allow_files)
-    given = {key: _at(root, file, "define", key, _parse_single) for key in content.define}
+    given = {
+        key: _at(root, file, "define", key, lambda key, value, _: single_value(key, value)) for key in content.define
+    }
     for key in content.sweep:
         if key in content.define:
             raise error_at(f"{key!r} is under define too", ("sweep", key), root, file)
@@ -196,7 +198,3 @@ def _at(root: Node, file: str, section: str, key: str, read: Callable[[str, Any,
         return read(key, value.plain(), f"{file}:{place.line}: {section}.{key}")
     except ValueError as error:
         raise SceneError(str(error), file=file, line=place.line, key=f"{section}.{key}") from None
-
-
-def _parse_single(key: str, value: Any, source: str) -> ParsedValues:
-    return ParsedValues(single_value_axis(key, value), fixed=True)
