@@ -43,9 +43,8 @@ def require_extra(what: str) -> None:
     ------
     InputError : it is not.
     """
-    module = {"ssim": "skimage", "flip": "flip_evaluator"}[what]
+    module, package = {"ssim": ("skimage", "scikit-image"), "flip": ("flip_evaluator", "flip-evaluator")}[what]
     if find_spec(module) is None:
-        package = {"ssim": "scikit-image", "flip": "flip-evaluator"}[what]
         raise InputError(f"{what} needs {package}, which is not installed: pip install 'raytracer[compare]'")
 
 
@@ -168,10 +167,10 @@ def psnr(a: ArrayLike, b: ArrayLike, peak: float = 1.0) -> float:
     ------
     InputError : the shapes differ.
     """
-    return decibels(mse(a, b), peak)
+    return _decibels(mse(a, b), peak)
 
 
-def decibels(error: float, peak: float = 1.0) -> float:
+def _decibels(error: float, peak: float = 1.0) -> float:
     """Compute the PSNR of a mean squared error."""
     return math.inf if error == 0.0 else 10.0 * math.log10(peak**2 / error)
 
@@ -316,7 +315,7 @@ METRICS = {
     "rmse": Metric("RMSE", False, lambda sums, count: math.sqrt(sums.squared / count)),
     "relmse": Metric("relMSE", False, lambda sums, count: sums.relative / count),
     "mrse": Metric("MRSE", False, lambda sums, count: sums.pbrt / count),
-    "psnr": Metric("PSNR", True, lambda sums, count: decibels(sums.squared / count), True),
+    "psnr": Metric("PSNR", True, lambda sums, count: _decibels(sums.squared / count), True),
     "ssim": Metric("SSIM", True, None, True),
     "flip": Metric("FLIP", False, None),
 }

@@ -264,7 +264,12 @@ def _sums(pair: ImagePair, ratio: float, typical: Array, place: tuple[int, int],
         _projected(band, weight, alike=alike, tile=tile),
         tile_sums(whitened[:count], SCALES[1]),
         tile_sums(expected[:count], SCALES[1]),
-        np.stack([_down(whitened, expected, alike=alike), _across(whitened[:count], expected[:count], alike=alike)]),
+        np.stack(
+            [
+                _products(whitened, expected, 0, alike=alike),
+                _products(whitened[:count], expected[:count], 1, alike=alike),
+            ]
+        ),
         np.array([values.sum() for values in squares]),
     )
 
@@ -287,21 +292,15 @@ def _projected(band: _Band, weight: Array, *, alike: bool, tile: int) -> tuple[A
     return tile_sums(projected, tile), variances, tile_sums(response, tile), tile_sums(response**2, tile)
 
 
-def _products(a: Array, b: Array, var_a: Array, var_b: Array, *, alike: bool) -> Array:
-    """Sum the products of neighbours, and estimate the variance of that: (2,)."""
-    products = np.sum(a * b, axis=2)
+def _products(differences: Array, variances: Array, axis: int, *, alike: bool) -> Array:
+    """Sum the products of neighbours along an axis, and estimate the variance of that: (2,)."""
+    first, second = (slice(None),) * axis + (slice(-1),), (slice(None),) * axis + (slice(1, None),)
+    products = np.sum(differences[first] * differences[second], axis=2)
     variance = float(np.sum(products**2))
     if not alike:
-        variance = max(variance, float(np.sum(np.sum(np.sqrt(var_a * var_b), axis=2) ** 2)))
+        known = np.sqrt(variances[first] * variances[second])
+        variance = max(variance, float(np.sum(np.sum(known, axis=2) ** 2)))
     return np.array([products.sum(), variance])
-
-
-def _down(differences: Array, variances: Array, *, alike: bool) -> Array:
-    return _products(differences[:-1], differences[1:], variances[:-1], variances[1:], alike=alike)
-
-
-def _across(differences: Array, variances: Array, *, alike: bool) -> Array:
-    return _products(differences[:, :-1], differences[:, 1:], variances[:, :-1], variances[:, 1:], alike=alike)
 
 
 @np.errstate(invalid="ignore", over="ignore")
@@ -311,6 +310,6 @@ def _neighbour_z(bands: list[_Sums], *, alike: bool) -> Array:
     differences = np.concatenate([band.differences for band in bands])
     variances = np.concatenate([band.variances for band in bands])
     for _ in SCALES[1:]:
-        scores.append(np.stack([step(differences, variances, alike=alike) for step in (_down, _across)]))
+        scores.append(np.stack([_products(differences, variances, axis, alike=alike) for axis in (0, 1)]))
         differences, variances = tile_sums(differences, 2), tile_sums(variances, 2)
     return np.array([[_score(float(total), float(variance)) for total, variance in pair] for pair in scores])
