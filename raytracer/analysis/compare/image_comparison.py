@@ -198,8 +198,8 @@ def _zero_non_finite(a: Array, b: Array) -> tuple[Array, Array, NotFinite, int]:
     """Set pixels that are not finite in one image to 0 in both, and count the values that are left."""
     if np.isfinite(a).all() and np.isfinite(b).all():
         return a, b, NotFinite(), a.size
-    broken_a, broken_b = (~np.isfinite(image).all(axis=2) for image in (a, b))
-    broken: NDArray[np.bool_] = broken_a | broken_b
+    broken_a, broken_b = (np.any(~np.isfinite(image), axis=2) for image in (a, b))
+    broken = np.asarray(broken_a | broken_b)
     y, x = divmod(int(np.argmax(broken)), a.shape[1])
     first, second = (np.where(broken[..., None], 0.0, image) for image in (a, b))
     not_finite = NotFinite(int(np.count_nonzero(broken_a)), int(np.count_nonzero(broken_b)), (x, y))

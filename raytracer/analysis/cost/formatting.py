@@ -174,7 +174,13 @@ def prediction_rows(predicted: Prediction) -> list[tuple[str, str]]:
         ("time whatever the samples", format_duration_interval(predicted.fixed)),
     ]
     if is_fitted:
-        rows.append(("halving bias, corrected", _format_halving(predicted)))
+        halving = "none: the mean of separate runs is as good as one unbroken run"
+        if predicted.halving != 1.0:
+            halving = (
+                f"the mean of the replicates has {format_number(predicted.halving)} times the squared error of one "
+                "unbroken run of as many samples"
+            )
+        rows.append(("halving bias, corrected", halving))
     return rows
 
 
@@ -197,16 +203,6 @@ def headline(study: Study) -> str:
     return sentences
 
 
-def _format_halving(predicted: Prediction) -> str:
-    """Describe the loss of accuracy by separate sequences against an unbroken one."""
-    if predicted.halving == 1.0:
-        return "none: the mean of separate runs is as good as one unbroken run"
-    return (
-        f"the mean of the replicates has {format_number(predicted.halving)} times the squared error of one "
-        "unbroken run of as many samples"
-    )
-
-
 # ---- Variants
 
 _NAMES = {"scene": "the scene", "control": "repeat of the same"}
@@ -220,19 +216,12 @@ _GROUPS = {
 }
 
 
-class VariantGroup(NamedTuple):
-    """Variants of one group, in the order in which they were measured."""
-
-    title: str
-    variants: tuple[VariantResult, ...]
-
-
-def group_variants(variants: Sequence[VariantResult]) -> list[VariantGroup]:
-    """Group variants; the scene and its control come first, under no title."""
+def group_variants(variants: Sequence[VariantResult]) -> list[tuple[str, list[VariantResult]]]:
+    """Group variants under titles; the scene and its control come first, under no title."""
     titles: dict[str, list[VariantResult]] = {"": []}
     for variant in variants:
         titles.setdefault(_GROUPS.get(variant.group, one_line(variant.group)), []).append(variant)
-    return [VariantGroup(title, tuple(members)) for title, members in titles.items() if members]
+    return [(title, members) for title, members in titles.items() if members]
 
 
 def display_name(variant: VariantResult) -> str:
@@ -255,13 +244,19 @@ def _format_time_ratio(variant: VariantResult) -> str:
     return format_interval(variant.time) if variant.time_differs else SAME_TIME
 
 
-def _format_noise(variant: VariantResult, spp: int | None) -> str:
-    """Format the noise, or say that it is the scene's; with its samples per pixel unless all have the same, `spp`."""
+def _format_noise(variant: VariantResult) -> str:
+    """Format the noise, or say that it is the scene's."""
     if math.isnan(variant.noise.value):
         return UNKNOWN
     if variant.group != "scene" and not variant.noise_differs:
         return SAME_NOISE
-    return format_percent_interval(variant.noise) + ("" if spp else f" at {variant.spp:,} spp")
+    return format_percent_interval(variant.noise)
+
+
+def _format_noise_at(variant: VariantResult) -> str:
+    """Format the noise with its samples per pixel."""
+    noise = _format_noise(variant)
+    return noise if noise in {UNKNOWN, SAME_NOISE} else f"{noise} at {variant.spp:,} spp"
 
 
 def _format_noise_ratio(variant: VariantResult) -> str:
@@ -292,26 +287,6 @@ def format_bias(variant: VariantResult) -> str:
     return "not resolved"
 
 
-class Footnotes:
-    """Sentences under a table, each listed once, and the numbers by which cells refer to them."""
-
-    def __init__(self) -> None:
-        self.sentences: list[str] = []
-
-    def mark(self, sentence: str) -> str:
-        """Add a sentence if it is new, and return its number in brackets."""
-        text = one_line(sentence)
-        if text not in self.sentences:
-            self.sentences.append(text)
-        return f"[{self.sentences.index(text) + 1}]"
-
-
-def format_target_cell(variant: VariantResult, notes: Footnotes) -> str:
-    """Format the time to the target, with a reference to a footnote where there is none, or a doubt."""
-    parts = [format_target_time(variant)] if variant.target_seconds is not None else []
-    return " ".join([*parts, *([notes.mark(variant.why_blank)] if variant.why_blank else [])])
-
-
 def format_target_time(variant: VariantResult) -> str:
     """Format the time to the target of a variant, in words if it is the scene's."""
     differs = variant.group == "scene" or variant.time_differs or variant.noise_differs or variant.bias_resolved
@@ -327,98 +302,95 @@ class Column(NamedTuple):
     is_number : True if its cells are numbers, False for words.
     meaning : what it says and does not say.
     words : writes the cell of a variant that was measured, an interval in brackets.
-    value : what it is sorted by.
     """
 
     title: str
     is_number: bool
     meaning: str
     words: Callable[[VariantResult], str]
-    value: Callable[[VariantResult], float | None]
+
+
+_COLUMNS = {
+    "time": Column(
+        "time against\nthe scene",
+        False,
+        "Time per sample over that of the scene in the same round: 0.84 is 16 % faster without it. "
+        f'"{SAME_TIME.capitalize()}" means that two runs of the very same scene differ as much; it does not mean '
+        "that the difference is 0.",
+        _format_time_ratio,
+    ),
+    "noise": Column(
+        "noise{at}",
+        False,
+        f'Relative error by chance alone, at equal samples, not equal time. "{SAME_NOISE.capitalize()}" means as '
+        "noisy as the scene, as far as could be told. A quiet picture of something else is no better picture: see "
+        "the bias.",
+        _format_noise,
+    ),
+    "bias": Column(
+        "bias against\nthe scene",
+        False,
+        "How far the picture is from that of the scene when all noise is gone (RMS, relative), where its square "
+        "exceeds three standard deviations of what is measured of variants without any. It stays however many "
+        'samples are taken. "Not resolved" means that it is smaller than what these rounds could see, given in '
+        "brackets; not that there is none. It is against the scene as it is, which may itself be an "
+        "approximation.",
+        format_bias,
+    ),
+    "target_seconds": Column(
+        "time to\n{target}",
+        True,
+        "Predicted time until noise and bias together are {target}, compiling apart; as the scene's where neither "
+        "time nor noise nor bias differs. It is blank where the bias exceeds the target, since no number of "
+        "samples mends a bias.",
+        format_target_time,
+    ),
+    "per_sample": Column(
+        "time\nper spp",
+        True,
+        "Seconds for one sample in every pixel of the whole picture, over all threads. It does not say how good "
+        "the sample is: dearer samples may be the better ones.",
+        lambda variant: format_duration_interval(variant.per_sample),
+    ),
+    "per_ray": Column(
+        "time\nper ray",
+        True,
+        "The same for one ray, be it from the camera, a bounce, or towards a light. An effect may make rays "
+        "dearer (more to compute at each hit) or take more of them; this tells which.",
+        lambda variant: _format_per_ray(variant.per_ray.value),
+    ),
+    "rays_per_sample": Column(
+        "rays per\nsample",
+        True,
+        "How many rays a sample takes on average. It counts rays and not their length or what they meet.",
+        lambda variant: format_number(variant.rays_per_sample),
+    ),
+    "noise_ratio": Column(
+        "squared noise against\nthe scene",
+        False,
+        "How many times the samples it takes to be as free of noise as the scene, roughly. Times the ratio of "
+        "times, it is the ratio of the work.",
+        _format_noise_ratio,
+    ),
+    "brightness": Column(
+        "brightness",
+        False,
+        "How much brighter the picture as a whole is than that of the scene. A bias may leave it as it is: light "
+        "that is lost here may turn up there.",
+        _format_brightness,
+    ),
+}
 
 
 def columns(study: Study) -> dict[str, Column]:
-    """Make the columns of the table of variants by their keys, without that of their names."""
+    """Return the columns of the table of variants, without that of their names, by the fields that they are of."""
     spp, target = _common_spp(study.variants), format_given_percent(study.prediction.target)
-    return {
-        "time": Column(
-            "time against\nthe scene",
-            False,
-            "Time per sample over that of the scene in the same round: 0.84 is 16 % faster without it. "
-            f'"{SAME_TIME.capitalize()}" means that two runs of the very same scene differ as much; it does not mean '
-            "that the difference is 0.",
-            _format_time_ratio,
-            lambda variant: variant.time.value,
-        ),
-        "noise": Column(
-            f"noise at\n{spp:,} spp" if spp else "noise",
-            False,
-            f'Relative error by chance alone, at equal samples, not equal time. "{SAME_NOISE.capitalize()}" means as '
-            "noisy as the scene, as far as could be told. A quiet picture of something else is no better picture: see "
-            "the bias.",
-            lambda variant: _format_noise(variant, spp),
-            lambda variant: variant.noise.value,
-        ),
-        "bias": Column(
-            "bias against\nthe scene",
-            False,
-            "How far the picture is from that of the scene when all noise is gone (RMS, relative), where its square "
-            "exceeds three standard deviations of what is measured of variants without any. It stays however many "
-            'samples are taken. "Not resolved" means that it is smaller than what these rounds could see, given in '
-            "brackets; not that there is none. It is against the scene as it is, which may itself be an "
-            "approximation.",
-            format_bias,
-            lambda variant: None if variant.bias is None else variant.bias.value,
-        ),
-        "target": Column(
-            f"time to\n{target}",
-            True,
-            f"Predicted time until noise and bias together are {target}, compiling apart; as the scene's where neither "
-            "time nor noise nor bias differs. It is blank where the bias exceeds the target, since no number of "
-            "samples mends a bias.",
-            format_target_time,
-            lambda variant: variant.target_seconds,
-        ),
-        "per_sample": Column(
-            "time\nper spp",
-            True,
-            "Seconds for one sample in every pixel of the whole picture, over all threads. It does not say how good "
-            "the sample is: dearer samples may be the better ones.",
-            lambda variant: format_duration_interval(variant.per_sample),
-            lambda variant: variant.per_sample.value,
-        ),
-        "per_ray": Column(
-            "time\nper ray",
-            True,
-            "The same for one ray, be it from the camera, a bounce, or towards a light. An effect may make rays "
-            "dearer (more to compute at each hit) or take more of them; this tells which.",
-            lambda variant: _format_per_ray(variant.per_ray.value),
-            lambda variant: variant.per_ray.value,
-        ),
-        "rays": Column(
-            "rays per\nsample",
-            True,
-            "How many rays a sample takes on average. It counts rays and not their length or what they meet.",
-            lambda variant: format_number(variant.rays_per_sample),
-            lambda variant: variant.rays_per_sample,
-        ),
-        "noise_ratio": Column(
-            "squared noise against\nthe scene",
-            False,
-            "How many times the samples it takes to be as free of noise as the scene, roughly. Times the ratio of "
-            "times, it is the ratio of the work.",
-            _format_noise_ratio,
-            lambda variant: variant.noise_ratio.value,
-        ),
-        "brightness": Column(
-            "brightness",
-            False,
-            "How much brighter the picture as a whole is than that of the scene. A bias may leave it as it is: light "
-            "that is lost here may turn up there.",
-            _format_brightness,
-            lambda variant: None if variant.brightness is None else variant.brightness.value,
-        ),
+    values = {"at": f" at\n{spp:,} spp" if spp else "", "target": target}
+    columns = {
+        key: column._replace(title=column.title.format(**values), meaning=column.meaning.format(**values))
+        for key, column in _COLUMNS.items()
     }
+    return columns if spp else columns | {"noise": columns["noise"]._replace(words=_format_noise_at)}
 
 
 def format_concentration(study: Study) -> str:

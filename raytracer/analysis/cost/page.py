@@ -15,6 +15,7 @@ import numpy as np
 
 from raytracer.analysis.cost import export, formatting, plots
 from raytracer.analysis.cost.results import Study, VariantResult
+from raytracer.core.error_estimate.intervals import Interval
 from raytracer.report import page as html
 from raytracer.util.atomic_write import check_file, write_bytes
 from raytracer.util.errors import InputError, one_line
@@ -52,8 +53,9 @@ def _cells(variant: VariantResult, columns: Mapping[str, formatting.Column]) -> 
     cells = []
     for key, column in columns.items():
         main, bracket, ends = column.words(variant).partition(" (")
-        value = column.value(variant)
-        if key == "target":
+        value = getattr(variant, key)
+        value = value.value if isinstance(value, Interval) else value
+        if key == "target_seconds":
             cells.append(Cell(main, one_line(variant.why_blank), _key(value), value is not None))
         else:
             cells.append(Cell(main, bracket.strip() + ends, _key(value), column.is_number))
@@ -115,8 +117,8 @@ def page(study: Study) -> bytes:
                 "what": "" if variant.group == "scene" else one_line(variant.what),
                 "cells": _cells(variant, columns),
             }
-            for section in formatting.group_variants(study.variants)
-            for variant in section.variants
+            for _, variants in formatting.group_variants(study.variants)
+            for variant in variants
         ],
         "plan": formatting.plan_sections(study),
         "machine": formatting.machine_rows(study),

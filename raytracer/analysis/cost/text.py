@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 # Columns of the table of variants, in their order.
-_COLUMNS = ("per_sample", "per_ray", "rays", "time", "noise", "bias", "target")
+_COLUMNS = ("per_sample", "per_ray", "rays_per_sample", "time", "noise", "bias", "target_seconds")
 
 # Terminal columns from which on an interval stands beside its value, and not below it.
 _WIDE = 128
@@ -135,14 +135,16 @@ def _variants(console: "Console", study: Study) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    columns, notes = formatting.columns(study), formatting.Footnotes()
-    columns = {key: columns[key] for key in _COLUMNS if key != "rays" or console.width >= _ROOMY}
+    columns, notes = formatting.columns(study), list[str]()
+    columns = {key: columns[key] for key in _COLUMNS if key != "rays_per_sample" or console.width >= _ROOMY}
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim", collapse_padding=True)
     fits = max((len(formatting.display_name(variant)) + 1 for variant in study.variants), default=0) <= _NAME
     table.add_column("variant", vertical="top", overflow="fold", no_wrap=fits, max_width=None if fits else _NAME)
     for key, column in columns.items():
         table.add_column(
-            column.title, no_wrap=column.is_number and key != "target", justify="right" if column.is_number else "left"
+            column.title,
+            no_wrap=column.is_number and key != "target_seconds",
+            justify="right" if column.is_number else "left",
         )
     for title, variants in formatting.group_variants(study.variants):
         if title:
@@ -156,9 +158,9 @@ def _variants(console: "Console", study: Study) -> None:
             table.add_row(*(Text(cell, overflow="fold") for cell in (name, *cells)))
     _indented(console, table, by=0)
 
-    if notes.sentences:
+    if notes:
         console.print()
-        _pairs(console, [(f"[{i + 1}]", sentence) for i, sentence in enumerate(notes.sentences)])
+        _pairs(console, [(f"[{i + 1}]", sentence) for i, sentence in enumerate(notes)])
     meanings = [
         (formatting.display_name(variant), one_line(variant.what))
         for variant in study.variants
@@ -169,10 +171,20 @@ def _variants(console: "Console", study: Study) -> None:
         _pairs(console, meanings)
 
 
-def _cells(variant: VariantResult, columns: Mapping[str, formatting.Column], notes: formatting.Footnotes) -> list[str]:
+def _cells(variant: VariantResult, columns: Mapping[str, formatting.Column], notes: list[str]) -> list[str]:
     if variant.failed:
-        return [f"not measured {notes.mark(variant.failed)}" if key == "time" else "" for key in columns]
+        return [f"not measured {_mark(variant.failed, notes)}" if key == "time" else "" for key in columns]
     cells = {key: column.words(variant) for key, column in columns.items()}
     cells["per_sample"] = wording.format_duration(variant.per_sample.value)
-    cells["target"] = formatting.format_target_cell(variant, notes)
+    cells["target_seconds"] = " ".join(
+        words for words in (cells["target_seconds"], variant.why_blank and _mark(variant.why_blank, notes)) if words
+    )
     return list(cells.values())
+
+
+def _mark(sentence: str, notes: list[str]) -> str:
+    """Add a sentence to the footnotes if it is new, and return its number in brackets."""
+    text = one_line(sentence)
+    if text not in notes:
+        notes.append(text)
+    return f"[{notes.index(text) + 1}]"
