@@ -5,9 +5,7 @@ differ by more than that; the metrics measure by how much, noise included; `comp
 """
 
 from raytracer.analysis.compare.compared_image import ComparedImage, read
-from raytracer.analysis.compare.detection_limits import DetectionLimits
-from raytracer.analysis.compare.difference_file import encode, with_legend
-from raytracer.analysis.compare.difference_image import KINDS, DifferenceImage, check_kind, show
+from raytracer.analysis.compare.difference_image import KINDS, DifferenceImage, check_kind, encode, show, with_legend
 from raytracer.analysis.compare.folder_comparison import FolderComparison, FolderPair, compare_folders
 from raytracer.analysis.compare.image_comparison import (
     ALPHA,
@@ -18,6 +16,7 @@ from raytracer.analysis.compare.image_comparison import (
     normalize_metric_names,
 )
 from raytracer.analysis.compare.metrics import METRICS, flip, flip_map, mae, mrse, mse, psnr, relmse, rmse, ssim
+from raytracer.analysis.compare.patterns import DetectionLimits
 from raytracer.analysis.compare.result import Comparison
 from raytracer.analysis.compare.z_test import TESTS, Verdict, z_test
 

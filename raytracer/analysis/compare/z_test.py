@@ -12,9 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.analysis.compare.detection_limits import DetectionLimits, detection_limits, symmetric_tail
 from raytracer.analysis.compare.image_pair import ROWS, ImagePair, make_image_pair, map_row_bands, tile_sums
-from raytracer.analysis.compare.patterns import PATTERNS, SCALES, Structure, find_structure
+from raytracer.analysis.compare.patterns import (
+    PATTERNS,
+    SCALES,
+    DetectionLimits,
+    Structure,
+    detection_limits,
+    find_structure,
+    symmetric_tail,
+)
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from raytracer.analysis.explain.camera_numbers import CameraView, depth_of_field, exposure
 from raytracer.analysis.sweep.animation import FPS
-from raytracer.analysis.sweep.points import MAX_POINTS
+from raytracer.analysis.sweep.plan import MAX_POINTS
 from raytracer.analysis.sweep.results import PointResult, SweepPoint
 from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.prepared_scene import PreparedScene

@@ -16,8 +16,7 @@ from pathlib import Path
 from raytracer.analysis.sweep.animation import check as check_animation
 from raytracer.analysis.sweep.manifest import RECORDS, load_record, write_manifest, write_record
 from raytracer.analysis.sweep.output_layout import OutputLayout, normalize_formats
-from raytracer.analysis.sweep.plan import Plan, make_plan
-from raytracer.analysis.sweep.points import enumerate_points
+from raytracer.analysis.sweep.plan import Plan, enumerate_points, make_plan
 from raytracer.analysis.sweep.prepare_points import PointPreparer, PreparedPoint, SweepOptions, point_weight
 from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
 from raytracer.film.image import Image

@@ -14,7 +14,7 @@ import pytest
 from raytracer.analysis.sweep.manifest import write_manifest
 from raytracer.analysis.sweep.page import page as page_of
 from raytracer.analysis.sweep.page import point_numbers as numbers_of
-from raytracer.analysis.sweep.points import enumerate_points
+from raytracer.analysis.sweep.plan import enumerate_points
 from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
 from raytracer.analysis.sweep.run import sweep as rendered
 from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up
