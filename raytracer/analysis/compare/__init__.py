@@ -4,8 +4,8 @@ Two renders of one scene differ by their noise, which each knows: the variance o
 differ by more than that; the metrics measure by how much, noise included; `compare` does both for files and arrays.
 """
 
-from raytracer.analysis.compare.compared_image import ComparedImage, read
-from raytracer.analysis.compare.difference_image import KINDS, DifferenceImage, check_kind, encode, show, with_legend
+from raytracer.analysis.compare.compared_image import read
+from raytracer.analysis.compare.difference_image import KINDS, check_kind, encode, show, with_legend
 from raytracer.analysis.compare.folder_comparison import FolderComparison, FolderPair, compare_folders
 from raytracer.analysis.compare.image_comparison import (
     ALPHA,
@@ -16,7 +16,6 @@ from raytracer.analysis.compare.image_comparison import (
     normalize_metric_names,
 )
 from raytracer.analysis.compare.metrics import METRICS, flip, flip_map, mae, mrse, mse, psnr, relmse, rmse, ssim
-from raytracer.analysis.compare.patterns import DetectionLimits
 from raytracer.analysis.compare.result import Comparison
 from raytracer.analysis.compare.z_test import TESTS, Verdict, z_test
 
@@ -25,10 +24,7 @@ __all__ = [
     "KINDS",
     "METRICS",
     "TESTS",
-    "ComparedImage",
     "Comparison",
-    "DetectionLimits",
-    "DifferenceImage",
     "FolderComparison",
     "FolderPair",
     "PassCriteria",

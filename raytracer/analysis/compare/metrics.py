@@ -1,8 +1,9 @@
 """Error metrics of images, noise included.
 
-`a` is the image and `b` the reference, both (height, width, 3), here and in all of this package.  The
-first five are plain arithmetic, meant for linear light, but they tell something of display values as well; PSNR and
-SSIM are meant for what a display shows, in 0..1; FLIP has a kind for each.
+`a` is the image and `b` the reference, both (height, width, 3), here and in all of this package; all metrics raise an
+`InputError` where their shapes differ.  The first five are plain arithmetic, meant for linear light, but they tell
+something of display values as well; PSNR and SSIM are meant for what a display shows, in 0..1; FLIP has a kind for
+each.
 """
 
 import math
@@ -61,12 +62,7 @@ class Sums(NamedTuple):
 
 
 def sums(a: ArrayLike, b: ArrayLike) -> Sums:
-    """Compute the sums of all plain metrics in one pass.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
+    """Compute the sums of all plain metrics in one pass."""
     first, second = _pair(a, b)
 
     def of_band(top: int, bottom: int) -> tuple[float, ...]:
@@ -101,32 +97,17 @@ def _pair(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
 
 
 def mae(a: ArrayLike, b: ArrayLike) -> float:
-    """Compute the mean absolute error of `a` against `b`, images (height, width, 3), over pixels and channels.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
+    """Compute the mean absolute error of `a` against `b`, images (height, width, 3), over pixels and channels."""
     return sums(a, b).absolute / np.size(a)
 
 
 def mse(a: ArrayLike, b: ArrayLike) -> float:
-    """Compute the mean squared error of `a` against `b`, images (height, width, 3), over pixels and channels.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
+    """Compute the mean squared error of `a` against `b`, images (height, width, 3), over pixels and channels."""
     return sums(a, b).squared / np.size(a)
 
 
 def rmse(a: ArrayLike, b: ArrayLike) -> float:
-    """Compute the root of `mse`, in the unit of the images.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
+    """Compute the root of `mse`, in the unit of the images."""
     return math.sqrt(mse(a, b))
 
 
@@ -134,10 +115,6 @@ def relmse(a: ArrayLike, b: ArrayLike) -> float:
     """Compute the relative mean squared error of `a` against the reference `b`: the mean of (a - b)^2 / (b^2 + 0.01).
 
     The 0.01 keeps black pixels from dominating.
-
-    Raises
-    ------
-    InputError : the shapes differ.
 
     References: Rousselle, Knaus and Zwicker 2011, "Adaptive Sampling and Reconstruction using Greedy Error
         Minimization", ACM Transactions on Graphics 30(6), section 6.
@@ -150,10 +127,6 @@ def mrse(a: ArrayLike, b: ArrayLike) -> float:
 
     A value of exactly -0.01 in the reference counts as no error.
 
-    Raises
-    ------
-    InputError : the shapes differ.
-
     References: pbrt-v4, src/pbrt/util/image.cpp, `Image::MRSE`, which `imgtool diff --metric MRSE` prints; it leaves
         out what is infinite as well.
     """
@@ -161,12 +134,7 @@ def mrse(a: ArrayLike, b: ArrayLike) -> float:
 
 
 def psnr(a: ArrayLike, b: ArrayLike, peak: float = 1.0) -> float:
-    """Compute the peak signal-to-noise ratio in dB, 10 log10(peak^2 / MSE); inf for equal images.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
+    """Compute the peak signal-to-noise ratio in dB, 10 log10(peak^2 / MSE); inf for equal images."""
     return _decibels(mse(a, b), peak)
 
 

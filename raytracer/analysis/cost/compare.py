@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.cost.predict import PictureCost, with_sampling_spread
+from raytracer.analysis.cost.predict import PictureCost, widened, with_sampling_spread
 from raytracer.analysis.cost.results import Prediction, VariantResult
 from raytracer.analysis.cost.rounds import Rounds
 from raytracer.analysis.cost.tile_sample import TileSample
@@ -176,9 +176,7 @@ def _with_tiles(basis: Baseline, ratio: Interval, rounds: Rounds) -> Interval:
         return ratio
     own, scene = (np.median(busy, axis=0) * basis.tiles.weight for busy in (rounds.busy, basis.scene.busy))
     by_tile = ratio_of_sums(own, scene, basis.seed)
-    down = math.hypot(math.log(ratio.value / ratio.low), math.log(by_tile.value / by_tile.low))
-    up = math.hypot(math.log(ratio.high / ratio.value), math.log(by_tile.high / by_tile.value))
-    return Interval(ratio.value, ratio.value * math.exp(-down), ratio.value * math.exp(up))
+    return widened(ratio, math.log(by_tile.value / by_tile.low), math.log(by_tile.high / by_tile.value))
 
 
 def _per_ray(basis: Baseline, per_sample: Interval, rays: float) -> Interval:

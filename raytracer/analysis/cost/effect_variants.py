@@ -156,14 +156,7 @@ class EffectVariants:
             return "it is what the scene is made of" if make is None else make(self, name, kind)
         if name == "dispersion":
             what = "glass bends all colours alike, as it bends the yellow of the d line"
-            return Variant(
-                name,
-                "effect",
-                what,
-                removals.without_dispersion,
-                needs_repacking=True,
-                material_variant=removals.ConstantIndex(),
-            )
+            return _of_spec(name, what, removals.without_dispersion)._replace(material_variant=removals.ConstantIndex())
         # By their values: a key that is set to what it is by default makes no other picture here.
         if name == "motion_blur" and dict(removals.without_motion(self._spec)) == dict(
             removals.with_still_camera(self._spec)

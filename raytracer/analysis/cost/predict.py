@@ -75,7 +75,7 @@ def predict(
         columns, lambda rows: np.array([answers(row) for row in rows]), seed, _RESAMPLES
     )
     spread = _spread_in_time(measured)
-    rendering = _widened(map_interval(target_seconds, lambda seconds: seconds - fixed), spread)
+    rendering = widened(map_interval(target_seconds, lambda seconds: seconds - fixed), spread, spread)
     rate, last = fit_rate(levels, columns.sum(axis=0)[:-2], steepest), levels[-1]
     power = fit_power_law(levels, [square.value for square in squares], steepest)
     plain_spp, power_spp = PowerLaw(squares[-1].value * last, 1.0).samples(goal), power.samples(goal)
@@ -90,7 +90,7 @@ def predict(
         halving=split_run_penalty(rate, len(measured.busy), last),
         # Measured once.
         fixed=Interval(fixed, math.nan, math.nan),
-        per_sample=_widened(per_sample, spread),
+        per_sample=widened(per_sample, spread, spread),
         target=settings.target,
         budget=budget,
         target_spp=target_spp,
@@ -178,12 +178,12 @@ def _spread_in_time(measured: Replicates) -> float:
     return float(_STUDENT * logs.std(ddof=1) / math.sqrt(len(logs)))
 
 
-def _widened(interval: Interval, by: float) -> Interval:
-    """Widen the interval of a time by an uncertainty of its logarithm."""
+def widened(interval: Interval, down: float, up: float) -> Interval:
+    """Widen an interval by uncertainties of its logarithm, downwards and upwards."""
     value, low, high = interval
     if not all(math.isfinite(end) and end > 0.0 for end in interval):
         return interval
-    down, up = (math.hypot(math.log(value / low), by), math.hypot(math.log(high / value), by))
+    down, up = math.hypot(math.log(value / low), down), math.hypot(math.log(high / value), up)
     return Interval(value, value * math.exp(-down), value * math.exp(up))
 
 

@@ -144,16 +144,8 @@ class PointPreparer:
 
     def _digest(self, spec: SceneSpec) -> str:
         options = self._render_options(spec)
-        given = {
-            "spp": options.spp,
-            "seed": options.seed,
-            "crop": options.crop,
-            "noise": options.noise,
-            "time_limit": options.time_limit,
-            "aovs": sorted(options.aovs) or None,
-            "denoise": options.denoise or None,
-        }
-        return digest(spec, **given)
+        given = {name: getattr(options, name) for name in ("spp", "seed", "crop", "noise", "time_limit")}
+        return digest(spec, **given, aovs=sorted(options.aovs) or None, denoise=options.denoise or None)
 
     def _render_options(self, spec: SceneSpec) -> RenderOptions:
         """Return the options of the render of a point's scene."""
