@@ -144,11 +144,9 @@ def _parse_names(text: str | None) -> list[str] | None:
 def _show(result: "Study", as_json: bool) -> None:
     """Print the study."""
     if as_json:
-        import json
+        from raytracer.analysis.cost.export import json_text
 
-        from raytracer.analysis.cost.export import to_json
-
-        print(json.dumps(to_json(result), indent=2, allow_nan=False))
+        print(json_text(result), end="")
     else:
         import os
         import shutil

@@ -1,5 +1,6 @@
 """Export of a study as JSON and CSV, in seconds and fractions, with every interval."""
 
+import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
@@ -42,6 +43,11 @@ def to_json(study: Study) -> dict[str, Any]:
     What is unknown or infinite is null.
     """
     return {_JSON_KEYS.get(name, name): value for name, value in _plain(study).items()}
+
+
+def json_text(study: Study) -> str:
+    """Write `to_json` as text."""
+    return json.dumps(to_json(study), indent=2, allow_nan=False) + "\n"
 
 
 # Columns of the table of variants, with their units, and the field of a variant that each holds.

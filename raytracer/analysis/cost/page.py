@@ -5,9 +5,8 @@ is escaped.
 """
 
 import io
-import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,7 +20,22 @@ from raytracer.util.atomic_write import check_file, write_bytes
 from raytracer.util.errors import InputError, one_line
 
 PAGE = "cost.html"
-_NAMES = (PAGE, "cost.csv", "cost.json", "convergence.csv", "convergence.svg", "error_map.png", "error_map.npy")
+
+
+class _Data(NamedTuple):
+    """A file of data: its type, what it holds, and what writes it."""
+
+    media_type: str
+    what: str
+    write: Callable[[Study], str]
+
+
+_DATA = {
+    "cost.csv": _Data("text/csv", "the table of costs, with all intervals", export.to_csv),
+    "convergence.csv": _Data("text/csv", "samples, seconds and errors of the plot", export.convergence_csv),
+    "cost.json": _Data("application/json", "all that is on this page but its pictures", export.json_text),
+}
+_NAMES = (PAGE, *_DATA, "convergence.svg", "error_map.png", "error_map.npy")
 
 
 class Cell(NamedTuple):
@@ -62,31 +76,6 @@ def _cells(variant: VariantResult, columns: Mapping[str, formatting.Column]) -> 
     return cells
 
 
-class _File(NamedTuple):
-    name: str
-    type: str
-    what: str
-    content: bytes
-
-    @property
-    def address(self) -> str:
-        return html.data_uri(self.content, self.type)
-
-
-def _data(study: Study) -> list[_File]:
-    as_json = json.dumps(export.to_json(study), indent=2, allow_nan=False) + "\n"
-    return [
-        _File("cost.csv", "text/csv", "the table of costs, with all intervals", export.to_csv(study).encode()),
-        _File(
-            "convergence.csv",
-            "text/csv",
-            "samples, seconds and errors of the plot",
-            export.convergence_csv(study).encode(),
-        ),
-        _File("cost.json", "application/json", "all that is on this page but its pictures", as_json.encode()),
-    ]
-
-
 def page(study: Study) -> bytes:
     """Render the page as HTML (UTF-8)."""
     convergence, error_map, picture = (
@@ -122,7 +111,10 @@ def page(study: Study) -> bytes:
         ],
         "plan": formatting.plan_sections(study),
         "machine": formatting.machine_rows(study),
-        "files": _data(study),
+        "files": [
+            {"name": name, "what": data.what, "address": html.data_uri(data.write(study).encode(), data.media_type)}
+            for name, data in _DATA.items()
+        ],
     }
     charts = {key: figure.data for key, figure in (("convergence", convergence), ("map", error_map)) if figure}
     title = f"{study.scene}: what accuracy costs in time"
@@ -158,7 +150,7 @@ def write_report(study: Study, folder: str | Path) -> tuple[Path, ...]:
     OutputError : a file cannot be written.
     """
     contents: dict[str, bytes | None] = {PAGE: page(study)}
-    contents |= {file.name: file.content for file in _data(study)}
+    contents |= {name: data.write(study).encode() for name, data in _DATA.items()}
     contents["convergence.svg"] = plots.convergence_svg(study)
     contents["error_map.png"] = plots.error_map_png(study)
     if plots.has_error_map(study):

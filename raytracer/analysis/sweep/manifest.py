@@ -9,13 +9,12 @@ ended at any moment.
 
 import hashlib
 import json
-import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 from pydantic import TypeAdapter
 
@@ -36,12 +35,13 @@ CSV = "manifest.csv"
 _LARGEST_RECORD = 1 << 24
 """Most bytes of a record, which has two thousand of them and a sentence for each warning."""
 
-_INFINITE = {"inf": math.inf, "-inf": -math.inf}
+# Fields of a result but its point.
+_FIELDS = [f.name for f in fields(PointResult) if f.name != "point"]
 
 
 def _result_fields(result: PointResult) -> dict[str, Any]:
     """Return the fields of a result but its point."""
-    return {f.name: to_plain(getattr(result, f.name)) for f in fields(PointResult) if f.name != "point"}
+    return {name: to_plain(getattr(result, name)) for name in _FIELDS}
 
 
 # ---- Manifests
@@ -130,24 +130,17 @@ def load_record(point: SweepPoint, files: Sequence[str], folder: Path) -> PointR
         is_same = record["digest"] == point.digest and record["status"] == "done"
         if not is_same or any(_hash(folder / name) != record["sha256"][name] for name in files):
             return None
-        known = {name: kind.validate_python(_read(record[name])) for name, kind in _validators().items()}
-        return PointResult(point=point, **{**known, "files": tuple(files)})
+        known = {name: record[name] for name in _FIELDS}
+        return _validator().validate_python({**known, "point": point, "files": tuple(files)})
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         # It is missing or broken: the point is rendered again.
         return None
 
 
 @cache
-def _validators() -> Mapping[str, TypeAdapter[Any]]:
-    """Return a validator for each field of a result, by its name."""
-    hints = get_type_hints(PointResult)
-    return {f.name: TypeAdapter(hints[f.name]) for f in fields(PointResult) if f.name != "point"}
-
-
-def _read(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _INFINITE.get(item, item) if isinstance(item, str) else item for key, item in value.items()}
-    return value
+def _validator() -> TypeAdapter[PointResult]:
+    """Return what converts the values of JSON to those of a result: "inf" is a number."""
+    return TypeAdapter(PointResult)
 
 
 def _hash(path: Path) -> str | None:

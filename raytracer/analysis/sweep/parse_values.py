@@ -18,7 +18,7 @@ import difflib
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -49,16 +49,9 @@ _END = re.compile(rf"({_NUMBER})(?:\s*/\s*({_NUMBER}))?\s*([^\W\d_/:.]+(?:/[^\W\
 _STARTS_AS_NUMBER = re.compile(r"\s*[-+]?(?:\.?[0-9]|\.?inf\b)")
 _PART = re.compile(r"(.*?)\s*/\s*([0-9]+)\s*")
 
-_DIMENSIONS: Mapping[Dimension, str] = {
-    "length": "m",
-    "angle": "deg",
-    "time": "s",
-    "speed": "m/s",
-    "rate": "deg/s",
-    "frequency": "Hz",
-    "temperature": "K",
-}
-"""Base units of dimensions."""
+# Dimensions whose units the ends of a range may have, and the base unit of each.
+_DIMENSIONS: tuple[Dimension, ...] = ("length", "angle", "time", "speed", "rate", "frequency", "temperature")
+_BASE_UNITS = ("m", "deg", "s", "m/s", "deg/s", "Hz", "K")
 
 
 class _Value(NamedTuple):
@@ -261,7 +254,7 @@ def _same_unit(start: _End, stop: _End) -> tuple[_End, _End]:
     if not start.unit or not stop.unit:
         unit = start.unit or stop.unit
         return _End(start.number, unit), _End(stop.number, unit)
-    for dimension, unit in _DIMENSIONS.items():
+    for dimension, unit in zip(_DIMENSIONS, _BASE_UNITS, strict=True):
         try:
             numbers = [parse_quantity(f"{float(end.number)!r} {end.unit}", dimension) for end in (start, stop)]
         except ValueError:
