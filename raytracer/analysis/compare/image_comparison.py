@@ -115,8 +115,9 @@ def normalize_criteria(checks: PassCriteria) -> PassCriteria:
 
 
 def _normalize_bounds(bounds: Mapping[str, float], *, is_below: bool) -> dict[str, float]:
-    names = normalize_metric_names(bounds) or ()
-    for name, bound in zip(names, bounds.values(), strict=True):
+    normalized = {name.strip().lower(): float(bound) for name, bound in bounds.items()}
+    normalize_metric_names(normalized)
+    for name, bound in normalized.items():
         metric = METRICS[name]
         if metric.is_better_larger != is_below:
             better, other = ("larger", "below") if metric.is_better_larger else ("smaller", "above")
@@ -124,7 +125,7 @@ def _normalize_bounds(bounds: Mapping[str, float], *, is_below: bool) -> dict[st
             raise InputError(f"{wanted}: --fail-{other} {name}=...")
         if math.isnan(bound):
             raise InputError(f"the bound of {metric.label} must be a number")
-    return {name: float(bound) for name, bound in zip(names, bounds.values(), strict=True)}
+    return normalized
 
 
 def compare_images(
@@ -212,7 +213,7 @@ def _measure(
     """Measure the metrics: values, their domains, reasons for missing ones, and the map of FLIP."""
     must = {*(wanted or ()), *checks.above, *checks.below}
     names = [name for name in METRICS if wanted is None or name in must]
-    displayed: tuple[Array, Array] | None = None
+    pairs: dict[Domain, tuple[Array, Array]] = {domain: (a, b)}
     totals: dict[str, Sums] = {}
     values: dict[str, float] = {}
     domains: dict[str, Domain] = {}
@@ -221,15 +222,15 @@ def _measure(
     for name in names:
         metric = METRICS[name]
         own: Domain = "display" if metric.always_display else domain
-        first, second = a, b
-        if own != domain:
-            displayed = displayed or (_encoded(a), _encoded(b))
-            first, second = displayed
-        if metric.of is not None:
-            totals.setdefault(own, sums(first, second))
-            values[name] = metric.of(totals[own], count) if count else math.nan
-        elif not count:
+        if own not in pairs:
+            pairs[own] = _encoded(a), _encoded(b)
+        first, second = pairs[own]
+        if not count:
             values[name] = math.nan
+        elif metric.of is not None:
+            if own not in totals:
+                totals[own] = sums(first, second)
+            values[name] = metric.of(totals[own], count)
         else:
             try:
                 if name not in must:

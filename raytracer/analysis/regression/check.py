@@ -205,17 +205,16 @@ def check_reference(
         raise InputError(
             f"a check takes at least {MIN_SPP} samples per pixel, to know its own noise; got {options.spp}"
         )
-    path = Path(path)
-    begin = time.perf_counter()
-    alpha = options.alpha
+    path, alpha, begin = Path(path), options.alpha, time.perf_counter()
     result = CheckResult(path.stem, path, passed=False, reason="", alpha=alpha)
     try:
         reference = load_reference(path)
-        result = replace(result, reference=reference, scene=reference.recipe.scene)
-        if scene is None and reference.recipe.scene is None:
+        recipe = reference.recipe
+        result = replace(result, reference=reference, scene=recipe.scene)
+        if scene is None and recipe.scene is None:
             return replace(result, passed=True, skipped=True, reason="its scene is built by a test, which checks it")
-        scene = load_recipe_scene(reference.recipe, path.parent, allow_files) if scene is None else scene
-        result = replace(result, changes=changed_inputs(reference.recipe.inputs, digests(scene.spec)))
+        scene = load_recipe_scene(recipe, path.parent, allow_files) if scene is None else scene
+        result = replace(result, changes=changed_inputs(recipe.inputs, digests(scene.spec)))
     except InputError as error:
         return replace(result, error=True, reason=str(error))
     height, width, _ = reference.mean.shape
@@ -225,8 +224,8 @@ def check_reference(
         return replace(result, error=True, reason=reason)
 
     # Other random numbers than the reference's: with the same ones no noise would be left to judge by.
-    seed = (reference.recipe.seed + 1) % 2**32 if options.seed is None else options.seed
-    if seed == reference.recipe.seed:
+    seed = (recipe.seed + 1) % 2**32 if options.seed is None else options.seed
+    if seed == recipe.seed:
         raise InputError(f"{path.stem} was rendered with the seed {seed} itself; a check takes another one")
     spp = samples_to_detect(reference, TARGET_CHANGE, alpha) if options.spp is None else options.spp
     result = replace(result, spp=spp, seed=seed, detectable_change=detectable_change(reference, spp, alpha))
@@ -234,37 +233,22 @@ def check_reference(
         rendered = render(scene.spec, spp=spp, seed=seed, threads=threads, cache=cache, progress=progress)
         if rendered.interrupted:
             raise KeyboardInterrupt
-        image = _with_gains_of(reference, scene, rendered.image)
+        image = rendered.image
+        gain = gain_ratio(recipe.gains, measured_gains(scene.spec, image))
+        image = replace(image, radiance=gain * image.radiance, variance=gain**2 * require_variance(image))
     except InputError as error:
         return replace(result, error=True, reason=str(error), seconds=time.perf_counter() - begin)
 
     verdict = z_test(
-        image.radiance,
-        image.variance,
-        reference.mean,
-        reference.variance,
-        TILE,
-        alpha,
-        ratio=reference.recipe.spp / spp,
+        image.radiance, image.variance, reference.mean, reference.variance, TILE, alpha, ratio=recipe.spp / spp
     )
     passed, reason = verdict.passed, verdict.reason
     dropped = rendered.stats.nan_samples
-    if passed and dropped and not reference.recipe.dropped:
+    if passed and dropped and not recipe.dropped:
         passed = False
         reason = f"{dropped} sample{' is' if dropped == 1 else 's are'} not finite, as none of the reference is"
     seconds = time.perf_counter() - begin
     return replace(result, passed=passed, reason=reason, seconds=seconds, image=image, verdict=verdict)
-
-
-def _with_gains_of(reference: Reference, scene: ReferenceScene, image: Image) -> Image:
-    """Bring an image to the measured gains of a reference.
-
-    Raises
-    ------
-    InputError : its variance is not known.
-    """
-    ratio = gain_ratio(reference.recipe.gains, measured_gains(scene.spec, image))
-    return replace(image, radiance=ratio * image.radiance, variance=ratio**2 * require_variance(image))
 
 
 # ---- Detectable changes
@@ -305,6 +289,4 @@ def samples_to_detect(reference: Reference, change: float = TARGET_CHANGE, alpha
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.where(variance == 0.0, 0.0, np.where(left > 0.0, reference_spp * variance / left, np.inf))
     needed = np.where(mean != 0.0, needed, np.inf)
-    return int(
-        min(max(math.ceil(min(float(needed.min()), reference_spp)), MIN_CHECK_SPP), max(reference_spp, MIN_CHECK_SPP))
-    )
+    return max(math.ceil(min(float(needed.min()), reference_spp)), MIN_CHECK_SPP)

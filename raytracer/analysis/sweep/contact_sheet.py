@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from raytracer.analysis.sweep.results import Images, PointResult, Slider, Sweep
 from raytracer.report.lettering import load_font, truncate_text
 from raytracer.report.palette import BAD, FAINT, INK, PAPER, WELL
@@ -135,14 +137,10 @@ def _tables(chosen: Sequence[Slider], size: tuple[int, int]) -> list[_Table]:
         return [_Table(rows, captions=[(slider.name, label) for label in slider.labels])]
 
     *others, row, column = chosen
-    tables = []
-    count = len(row.labels) * len(column.labels)
+    tables, count = [], len(row.labels) * len(column.labels)
     for number, labels in enumerate(product(*(other.labels for other in others))):
         start = number * count
-        rows = [
-            list(range(start + down * len(column.labels), start + (down + 1) * len(column.labels)))
-            for down in range(len(row.labels))
-        ]
+        rows = np.arange(start, start + count).reshape(len(row.labels), -1).tolist()
         title = ", ".join(f"{other.name} {label}" for other, label in zip(others, labels, strict=True))
         heads = ([(slider.name, label) for label in slider.labels] for slider in (row, column))
         tables.append(_Table(rows, title, *heads))
