@@ -98,6 +98,7 @@ class Replicates(NamedTuple):
     busy : (R, T), seconds of a thread for one sample in every pixel of a tile.
     rays : (R, T), rays for the same.
     bad : number of samples that were not finite.
+    scale : mean of the picture, which errors are relative to; if it is 0, errors are unknown.
     """
 
     tiles: TileSample
@@ -105,6 +106,7 @@ class Replicates(NamedTuple):
     busy: Array
     rays: Array
     bad: int
+    scale: float
 
     @property
     def levels(self) -> tuple[int, ...]:
@@ -120,6 +122,11 @@ class Replicates(NamedTuple):
     def best(self) -> Array:
         """Mean of all at the last level, (P, 3)."""
         return np.asarray(self.last.mean(axis=0))
+
+    def weight(self, level: int) -> Array:
+        """Compute weights (P, 3) of squared errors from the mean at a level; nan if the picture is black."""
+        best = self.means[level].mean(axis=0)
+        return error_weights(best, self.scale) if self.scale > 0.0 else np.full_like(best, math.nan)
 
 
 def _render_replicates(
@@ -140,7 +147,7 @@ def _render_replicates(
         rays.append(patch.rays / levels[-1])
         tick((number + 1) / REPLICATES)
     stacked = {spp: np.stack(parts) for spp, parts in means.items()}
-    return Replicates(tiles, stacked, np.stack(busy), np.stack(rays), bad)
+    return Replicates(tiles, stacked, np.stack(busy), np.stack(rays), bad, math.nan)
 
 
 # ---- Scene
@@ -160,18 +167,6 @@ class WarmScene(NamedTuple):
     pilot: Pilot | None
 
 
-class SceneMeasurement(NamedTuple):
-    """Replicates of a scene.
-
-    scale : mean of the picture.
-    weight : (P, 3), weights of squared errors.
-    """
-
-    replicates: Replicates
-    scale: float
-    weight: Array
-
-
 def picture_tiles(spec: SceneSpec) -> list[Window]:
     """List all tiles of the picture."""
     return split_into_tiles(Window(0, 0, *spec.picture()))
@@ -184,12 +179,7 @@ def warm_scene(subject: Subject, seed: int) -> WarmScene:
     return WarmScene(subject, windows, pace, _run_pilot(subject, windows, pace, seed))
 
 
-def relative_weights(best: Array, scale: float) -> Array:
-    """Compute weights of squared errors as `error_weights`; nan if the picture is black: no error is relative to it."""
-    return error_weights(best, scale) if scale > 0.0 else np.full_like(best, math.nan)
-
-
-def measure_scene(warm: WarmScene, settings: StudySettings, tick: Callable[[float], None]) -> SceneMeasurement:
+def measure_scene(warm: WarmScene, settings: StudySettings, tick: Callable[[float], None]) -> Replicates:
     """Render replicates of some tiles, most where the pilot saw most noise.
 
     tick : called with the fraction that is done.
@@ -201,8 +191,7 @@ def measure_scene(warm: WarmScene, settings: StudySettings, tick: Callable[[floa
     sample = choose_tiles(windows, workload.tiles, np.random.default_rng(settings.seed), size)
     levels = sample_levels(workload.spp, warm.subject.is_progressive)
     replicates = _render_replicates(warm.subject, sample, levels, settings.seed, tick)
-    scale = _estimate_scale(warm, sample, replicates.best)
-    return SceneMeasurement(replicates, scale, relative_weights(replicates.best, scale))
+    return replicates._replace(scale=_estimate_scale(warm, sample, replicates.best))
 
 
 def _estimate_scale(warm: WarmScene, sample: TileSample, best: Array) -> float:
@@ -223,11 +212,11 @@ def _estimate_scale(warm: WarmScene, sample: TileSample, best: Array) -> float:
     return abs(float(warm.pilot.mean.mean() + (stands @ error) / len(warm.pilot.mean)))
 
 
-def assemble_picture(warm: WarmScene, measurement: SceneMeasurement) -> Array:
+def assemble_picture(warm: WarmScene, measured: Replicates) -> Array:
     """Assemble the best of what was rendered, (height, width, 3), nan where nothing was."""
     width, height = warm.subject.prepared.spec.picture()
     picture = np.full((height, width, 3), math.nan)
     if warm.pilot:
         warm.pilot.tiles.spread(warm.pilot.mean, picture)
-    measurement.replicates.tiles.spread(measurement.replicates.best, picture)
+    measured.tiles.spread(measured.best, picture)
     return picture

@@ -8,7 +8,7 @@ import numpy as np
 
 from raytracer.analysis.cost.bench import Purpose, StudyTimer, Subject, seeds
 from raytracer.analysis.cost.compare import Baseline, baseline_result, noise_floor, variant_result
-from raytracer.analysis.cost.measure_scene import SceneMeasurement, WarmScene
+from raytracer.analysis.cost.measure_scene import Replicates, WarmScene
 from raytracer.analysis.cost.predict import PictureCost
 from raytracer.analysis.cost.results import Prediction, VariantResult
 from raytracer.analysis.cost.rounds import Rounds, VariantRun, prepare_variant, render_rounds
@@ -42,7 +42,7 @@ class ComparisonOutcome(NamedTuple):
 
 def measure_variants(
     warm: WarmScene,
-    measurement: SceneMeasurement,
+    measured: Replicates,
     prediction: Prediction,
     picture: PictureCost,
     variants: Sequence[Variant],
@@ -52,7 +52,7 @@ def measure_variants(
     """Measure the scene and its variants against each other; an interrupt ends it early."""
     if not variants:
         return ComparisonOutcome()
-    tiles = measurement.replicates.tiles
+    tiles = measured.tiles
     turns = settings.rounds * (len(variants) + 1)
     workload = round_workload(tiles.windows, COMPARISON_SECONDS / turns, warm.pace, settings.tiles, turns)
     sample, pixels = choose_subset(tiles, workload.tiles, np.random.default_rng(settings.seed))
@@ -73,10 +73,10 @@ def measure_variants(
     basis = Baseline(
         scene=scene,
         tiles=sample,
-        weight=measurement.weight[pixels],
+        weight=measured.weight(measured.levels[-1])[pixels],
         prediction=prediction,
         picture=picture,
-        rays=_rays_per_sample(measurement, picture),
+        rays=_rays_per_sample(measured, picture),
         seed=settings.seed,
     )
     rows = _rows(basis, variants, subjects, others)
@@ -85,11 +85,10 @@ def measure_variants(
     return ComparisonOutcome((baseline_result(basis), *rows), completed, bad, completed < settings.rounds)
 
 
-def _rays_per_sample(measurement: SceneMeasurement, picture: PictureCost) -> float:
+def _rays_per_sample(measured: Replicates, picture: PictureCost) -> float:
     """Compute the rays of a sample of a pixel, over the whole picture."""
     if not math.isnan(picture.rays):
         return picture.rays / picture.pixels
-    measured = measurement.replicates
     weight, pixels = measured.tiles.weight, measured.tiles.pixels
     return float((measured.rays.mean(axis=0) * weight).sum() / (pixels * weight).sum())
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.cost.measure_scene import Replicates, relative_weights
+from raytracer.analysis.cost.measure_scene import Replicates
 from raytracer.analysis.cost.results import ConvergencePoint, Prediction
 from raytracer.analysis.cost.study_options import StudySettings
 from raytracer.analysis.cost.tile_sample import REPLICATES
@@ -46,9 +46,7 @@ class PictureCost(NamedTuple):
     fixed: float
 
 
-def predict(
-    measured: Replicates, scale: float, picture: PictureCost, settings: StudySettings, steepest: float
-) -> Prediction:
+def predict(measured: Replicates, picture: PictureCost, settings: StudySettings, steepest: float) -> Prediction:
     """Predict time and error.
 
     Everything is computed anew for each resample of the tiles, so that intervals contain the differences between tiles
@@ -56,11 +54,10 @@ def predict(
 
     Parameters
     ----------
-    scale : mean of the picture, which errors are relative to; if it is 0, errors are unknown.
     settings : target, budget, and the seed of the bootstrap.
     steepest : exponent of the MSE that the sampler can have.
     """
-    columns, levels, fixed = _tile_columns(measured, scale, picture), measured.levels, picture.fixed
+    columns, levels, fixed = _tile_columns(measured, picture), measured.levels, picture.fixed
     seed, goal, budget = settings.seed, settings.target**2, settings.budget
 
     def answers(sums: Array) -> list[float]:
@@ -104,7 +101,7 @@ def predict(
     )
 
 
-def _tile_columns(measured: Replicates, scale: float, picture: PictureCost) -> Array:
+def _tile_columns(measured: Replicates, picture: PictureCost) -> Array:
     """Compute columns by tile: its part of the MSE at each level; and two whose ratio is the seconds for a sample.
 
     Tiles that are drawn in proportion to their error have about equal parts of the MSE, which makes for a sharp sum.
@@ -115,7 +112,7 @@ def _tile_columns(measured: Replicates, scale: float, picture: PictureCost) -> A
         Journal of the American Statistical Association 47(260); Cochran 1977, "Sampling Techniques", chapter 6.
     """
     tiles, sure = measured.tiles, 1.0 / measured.tiles.weight[:, None]
-    weight = _weight_correction(measured, scale) * relative_weights(measured.best, scale)
+    weight = _weight_correction(measured) * measured.weight(measured.levels[-1])
 
     def squares(part: slice) -> Array:
         """Compute the squared errors of tiles at each level from some replicates: (tiles, levels)."""
@@ -133,7 +130,7 @@ def _tile_columns(measured: Replicates, scale: float, picture: PictureCost) -> A
     return with_sampling_spread(columns / sure, noise / sure, sure)
 
 
-def _weight_correction(measured: Replicates, scale: float) -> float:
+def _weight_correction(measured: Replicates) -> float:
     """Estimate the ratio of the MSE to that by weights from the replicates' own mean.
 
     What is bright by chance seems to have a small relative error, and hides itself; what is dark by chance counts for
@@ -143,17 +140,12 @@ def _weight_correction(measured: Replicates, scale: float) -> float:
     if len(measured.levels) < 3:
         return 1.0
     early, before, last = measured.levels[-3:]
+    owner, stands = measured.tiles.owner, measured.tiles.weight
     by_before, by_last = (
-        _mean_square(measured, early, relative_weights(measured.means[level].mean(axis=0), scale))
+        float(mse_by_tile(measured.means[early], measured.weight(level), owner).sums @ stands)
         for level in (before, last)
     )
     return float((by_last / by_before) ** (1.0 / (last / before - 1.0))) if by_before > 0.0 else 1.0
-
-
-def _mean_square(measured: Replicates, level: int, weight: Array) -> float:
-    """Compute the MSE at a level, but for a factor."""
-    squares = mse_by_tile(measured.means[level], weight, measured.tiles.owner).sums
-    return float(squares @ measured.tiles.weight)
 
 
 def with_sampling_spread(columns: Array, noise: Array, sure: Array) -> Array:

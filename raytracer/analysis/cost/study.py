@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from raytracer.analysis.cost.bench import MACHINE, Bench, Progress, StudyTimer, Subject
 from raytracer.analysis.cost.machine import load_average, machine
 from raytracer.analysis.cost.measure_scene import (
-    SceneMeasurement,
+    Replicates,
     assemble_picture,
     measure_scene,
     picture_tiles,
@@ -98,10 +98,10 @@ def study(
     with timer.phase("warm up"):
         warm = warm_scene(Subject(prepared, bench, settings.threads), settings.seed)
     with timer.phase("predict") as tick:
-        measurement = measure_scene(warm, settings, tick)
-        picture = assemble_picture(warm, measurement)
+        measured = measure_scene(warm, settings, tick)
+        picture = assemble_picture(warm, measured)
     with timer.phase("develop"):
-        develop_seconds = bench.develop(prepared, np.where(np.isnan(picture), measurement.scale, picture))
+        develop_seconds = bench.develop(prepared, np.where(np.isnan(picture), measured.scale, picture))
     # Preparing is told by its parts.
     del seconds["prepare"]
     seconds |= {"build": prepared.seconds["build"], "compile": prepared.seconds["compile"], "develop": develop_seconds}
@@ -113,10 +113,10 @@ def study(
         fixed=sum(seconds[phase] for phase in ("load", "pack", "build", "develop")),
     )
     steepest = sampler_exponent(warm.subject.sampler)
-    prediction = predict(measurement.replicates, measurement.scale, cost, settings, steepest)
+    prediction = predict(measured, cost, settings, steepest)
     # Variants of a black picture cannot be compared.
-    variants = variants if measurement.scale > 0.0 else []
-    outcome = measure_variants(warm, measurement, prediction, cost, variants, settings, timer)
+    variants = variants if measured.scale > 0.0 else []
+    outcome = measure_variants(warm, measured, prediction, cost, variants, settings, timer)
     height, width, _ = picture.shape
     result = Study(
         scene=name,
@@ -129,15 +129,15 @@ def study(
         machine=_machine_conditions(outcome, load, settings),
         warnings=(),
         tiles=len(warm.windows),
-        tiles_measured=len(measurement.replicates.tiles.windows),
-        top_share=_top_share(measurement),
-        error_map=_error_map(measurement, width, height),
+        tiles_measured=len(measured.tiles.windows),
+        top_share=_top_share(measured),
+        error_map=_error_map(measured, width, height),
         picture=picture,
         interrupted=outcome.interrupted,
         rounds=outcome.rounds,
     )
-    bad = measurement.replicates.bad + outcome.bad
-    conditions = StudyConditions(result, measurement.scale, bad, settings.rounds)
+    bad = measured.bad + outcome.bad
+    conditions = StudyConditions(result, measured.scale, bad, settings.rounds)
     return replace(result, warnings=tuple(record.text for record in STUDY_WARNINGS.find(conditions)))
 
 
@@ -165,19 +165,19 @@ def _machine_conditions(outcome: ComparisonOutcome, load: float | None, settings
     }
 
 
-def _top_share(measurement: SceneMeasurement) -> float:
+def _top_share(measured: Replicates) -> float:
     """Compute the share of the squared error in the worst 0.1 % of the pixels; nan if there are too few."""
-    last, tiles = measurement.replicates.last, measurement.replicates.tiles
+    last, tiles = measured.last, measured.tiles
     if last.shape[1] < _FEWEST_FOR_SHARE:
         return math.nan
-    return worst_pixel_share(last, measurement.weight, stands=tiles.weight[tiles.owner])
+    return worst_pixel_share(last, measured.weight(measured.levels[-1]), stands=tiles.weight[tiles.owner])
 
 
-def _error_map(measurement: SceneMeasurement, width: int, height: int) -> Array:
+def _error_map(measured: Replicates, width: int, height: int) -> Array:
     """Compute the relative error of each pixel: (height, width), nan where not measured."""
     errors = np.full((height, width), math.nan)
-    variance = measurement.replicates.last.var(axis=0, ddof=1)
-    measurement.replicates.tiles.spread(np.sqrt(np.mean(measurement.weight * variance, axis=1)), errors)
+    variance = measured.last.var(axis=0, ddof=1)
+    measured.tiles.spread(np.sqrt(np.mean(measured.weight(measured.levels[-1]) * variance, axis=1)), errors)
     return errors
 
 
