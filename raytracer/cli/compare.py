@@ -182,7 +182,7 @@ def _compare_folders(
     quiet: bool,
 ) -> "FolderComparison":
     from raytracer.analysis.compare import compare_folders, encode
-    from raytracer.analysis.compare.wipe_page import WipePage
+    from raytracer.analysis.compare.difference_image import WipePage
     from raytracer.util.atomic_write import write_bytes
     from raytracer.util.progress import Bar
 

@@ -15,7 +15,7 @@ from raytracer.util.progress import Bar
 from raytracer.util.signals import WATCH, raise_interrupt
 
 if TYPE_CHECKING:
-    from raytracer.analysis.cost.phase_timer import Progress
+    from raytracer.analysis.cost.bench import Progress
     from raytracer.analysis.cost.results import Study
 
 EXAMPLE = """\b
@@ -144,11 +144,9 @@ def _parse_names(text: str | None) -> list[str] | None:
 def _show(result: "Study", as_json: bool) -> None:
     """Print the study."""
     if as_json:
-        import json
+        from raytracer.analysis.cost.export import json_text
 
-        from raytracer.analysis.cost.export import to_json
-
-        print(json.dumps(to_json(result), indent=2, allow_nan=False))
+        print(json_text(result), end="")
     else:
         import os
         import shutil

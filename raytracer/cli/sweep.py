@@ -139,8 +139,7 @@ def sweep(
 
 def _print_dry_run(scene: str, define: list[str], *, zipped: bool, max_points: int, allow_files: list[str]) -> None:
     """Print a line for each point, and fail if one of them could not be rendered."""
-    from raytracer.analysis.sweep.plan import make_plan, parse_definitions
-    from raytracer.analysis.sweep.points import enumerate_points
+    from raytracer.analysis.sweep.plan import enumerate_points, make_plan, parse_definitions
     from raytracer.scene.overrides import as_yaml
 
     plan = make_plan(scene, parse_definitions(define), zipped=zipped, allow_files=allow_files)

@@ -1,7 +1,11 @@
-"""Tables: as data that terminals, pages and paper share, and as plain text."""
+"""Tables: as data that terminals, pages and paper share, as plain text, and as CSV."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import csv
+import io
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 
 class Row(NamedTuple):
@@ -44,3 +48,20 @@ def align_columns(rows: Sequence[Sequence[str]], *, left: int = 1, gap: str = " 
         )
         for row in rows
     ]
+
+
+def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """Write a table as CSV, floats in full; None and nan are empty cells, sequences and mappings are JSON."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([_csv_cell(value) for value in row] for row in rows)
+    return text.getvalue()
+
+
+def _csv_cell(value: Any) -> Any:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(float(value))
+    if isinstance(value, list | tuple | Mapping):
+        return json.dumps(value)
+    return "" if value is None else value

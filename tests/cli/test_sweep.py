@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from raytracer.analysis.sweep import prepare_points, run
-from raytracer.analysis.sweep.points import MAX_POINTS
+from raytracer.analysis.sweep.plan import MAX_POINTS
 from raytracer.cli.base.app import main
 from tests.analysis.sweep.test_plan import SCENE
 from tests.analysis.sweep.test_run import BALL, Bench

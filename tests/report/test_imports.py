@@ -11,7 +11,7 @@ import pytest
     [
         "raytracer.report.wording, raytracer.report.table, raytracer.report.page, raytracer.report.chart",
         "raytracer.analysis.lens_design.page, raytracer.analysis.lens_design.paper, raytracer.analysis.cost.page",
-        "raytracer.analysis.sweep.page, raytracer.analysis.compare.wipe_page, raytracer.lightfield.viewer.page",
+        "raytracer.analysis.sweep.page, raytracer.analysis.compare.difference_image, raytracer.lightfield.viewer.page",
         "raytracer.cli.main, raytracer.rendering.render",
     ],
 )

@@ -4,10 +4,8 @@ Two renders of one scene differ by their noise, which each knows: the variance o
 differ by more than that; the metrics measure by how much, noise included; `compare` does both for files and arrays.
 """
 
-from raytracer.analysis.compare.compared_image import ComparedImage, read
-from raytracer.analysis.compare.detection_limits import DetectionLimits
-from raytracer.analysis.compare.difference_file import encode, with_legend
-from raytracer.analysis.compare.difference_image import KINDS, DifferenceImage, check_kind, show
+from raytracer.analysis.compare.compared_image import read
+from raytracer.analysis.compare.difference_image import KINDS, check_kind, encode, show, with_legend
 from raytracer.analysis.compare.folder_comparison import FolderComparison, FolderPair, compare_folders
 from raytracer.analysis.compare.image_comparison import (
     ALPHA,
@@ -26,10 +24,7 @@ __all__ = [
     "KINDS",
     "METRICS",
     "TESTS",
-    "ComparedImage",
     "Comparison",
-    "DetectionLimits",
-    "DifferenceImage",
     "FolderComparison",
     "FolderPair",
     "PassCriteria",

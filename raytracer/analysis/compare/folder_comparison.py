@@ -1,6 +1,6 @@
 """Comparison of two folders: of the images that have the same name in both."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,15 +48,12 @@ class FolderComparison(NamedTuple):
     @property
     def failures(self) -> tuple[str, ...]:
         """Failures, in sentences."""
-        sentences = []
-        for pair in self.pairs:
-            if pair.comparison is None:
-                sentences.append(f"{pair.name}: {pair.error}")
-            elif pair.comparison.failures:
-                sentences.append(f"{pair.name}: {'; '.join(pair.comparison.failures)}")
-        for names, folder in ((self.only_a, self.a), (self.only_b, self.b)):
-            sentences += [f"{name}: only in {folder}" for name in names]
-        return tuple(sentences)
+        reasons = [
+            (pair.name, "; ".join(pair.comparison.failures) if pair.comparison else pair.error) for pair in self.pairs
+        ]
+        reasons += [(name, f"only in {self.a}") for name in self.only_a]
+        reasons += [(name, f"only in {self.b}") for name in self.only_b]
+        return tuple(f"{name}: {reason}" for name, reason in reasons if reason)
 
     @property
     def passed(self) -> bool | None:
@@ -136,8 +133,9 @@ def compare_folders(
     pairs = []
     for number, name in enumerate(common, start=1):
         try:
-            comparison = compare_images(read(Path(a) / name, "A"), read(Path(b) / name, "B"), metrics, checks)
-            pair = FolderPair(name, comparison)
+            pair = FolderPair(
+                name, compare_images(read(Path(a) / name, "A"), read(Path(b) / name, "B"), metrics, checks)
+            )
         except InputError as error:
             pair = FolderPair(name, None, str(error))
         done(pair, number, len(common))
@@ -148,19 +146,15 @@ def compare_folders(
 
 
 def _images(folder: Path) -> set[str]:
-    """List the paths of all images in a folder and its subfolders, relative to it, with `/`."""
+    """List the paths of all images in a folder and its subfolders, relative to it, with `/`.
+
+    Hidden ones, such as backups of editors and files of macOS, are left out.
+    """
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is not a folder' if folder.exists() else 'no such folder'}")
     try:
-        return {path.as_posix() for path in _files(folder)}
+        files = [path for path in folder.rglob("*") if path.suffix.lower() in image_suffixes() and path.is_file()]
     except OSError as error:
         raise InputError(f"{error.filename or folder}: cannot be read: {error.strerror}") from error
-
-
-def _files(folder: Path) -> Iterator[Path]:
-    """Find images by their relative paths, but for hidden ones, such as backups of editors and files of macOS."""
-    for path in folder.rglob("*"):
-        inside = path.relative_to(folder)
-        is_hidden = any(part.startswith(".") for part in inside.parts)
-        if not is_hidden and path.suffix.lower() in image_suffixes() and path.is_file():
-            yield inside
+    inside = [path.relative_to(folder) for path in files]
+    return {path.as_posix() for path in inside if not any(part.startswith(".") for part in path.parts)}

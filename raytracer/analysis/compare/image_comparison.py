@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.compare.compared_image import Array, ComparedImage, Source, read
-from raytracer.analysis.compare.image_sizes import check_sizes
+from raytracer.analysis.compare.image_pair import check_sizes, map_row_bands
 from raytracer.analysis.compare.metrics import (
     METRICS,
     Domain,
@@ -21,7 +21,6 @@ from raytracer.analysis.compare.metrics import (
     sums,
 )
 from raytracer.analysis.compare.result import Comparison, NotFinite, verdict_sentence
-from raytracer.analysis.compare.row_bands import map_row_bands
 from raytracer.analysis.compare.z_test import Verdict, z_test
 from raytracer.film import srgb
 from raytracer.util.errors import InputError, suggest_name
@@ -109,30 +108,34 @@ def normalize_criteria(checks: PassCriteria) -> PassCriteria:
     ------
     InputError : a metric is not known, a bound is on its wrong side or no number, or `alpha` is no probability.
     """
-    sides = []
-    for bounds, is_below in ((checks.above, False), (checks.below, True)):
-        side = {}
-        for given, bound in bounds.items():
-            (name,) = normalize_metric_names([given]) or ("",)
-            metric = METRICS[name]
-            if metric.is_better_larger != is_below:
-                better, other = ("larger", "below") if metric.is_better_larger else ("smaller", "above")
-                wanted = f"{metric.label} is better when it is {better}, so it fails {other} its bound"
-                raise InputError(f"{wanted}: --fail-{other} {name}=...")
-            if math.isnan(bound):
-                raise InputError(f"the bound of {metric.label} must be a number")
-            side[name] = float(bound)
-        sides.append(side)
+    above, below = _normalize_bounds(checks.above, is_below=False), _normalize_bounds(checks.below, is_below=True)
     if not 0.0 < checks.alpha < 1.0:
         raise InputError(f"alpha must lie between 0 and 1, got {checks.alpha:g}")
-    return checks._replace(above=sides[0], below=sides[1])
+    return checks._replace(above=above, below=below)
+
+
+def _normalize_bounds(bounds: Mapping[str, float], *, is_below: bool) -> dict[str, float]:
+    normalized = {name.strip().lower(): float(bound) for name, bound in bounds.items()}
+    normalize_metric_names(normalized)
+    for name, bound in normalized.items():
+        metric = METRICS[name]
+        if metric.is_better_larger != is_below:
+            better, other = ("larger", "below") if metric.is_better_larger else ("smaller", "above")
+            wanted = f"{metric.label} is better when it is {better}, so it fails {other} its bound"
+            raise InputError(f"{wanted}: --fail-{other} {name}=...")
+        if math.isnan(bound):
+            raise InputError(f"the bound of {metric.label} must be a number")
+    return normalized
 
 
 def compare_images(
     a: ComparedImage, b: ComparedImage, wanted: tuple[str, ...] | None, checks: PassCriteria
 ) -> Comparison:
     """Compare two images as `compare` does."""
-    _check_alike(a, b)
+    try:
+        check_sizes(a.values, b.values)
+    except InputError as error:
+        raise InputError(f"{a.name}, {b.name}: {error}") from None
     height, width, _ = a.values.shape
     is_display = a.is_display or b.is_display
     if is_display:
@@ -184,13 +187,6 @@ def compare_images(
     )
 
 
-def _check_alike(a: ComparedImage, b: ComparedImage) -> None:
-    try:
-        check_sizes(a.values, b.values)
-    except InputError as error:
-        raise InputError(f"{a.name}, {b.name}: {error}") from None
-
-
 def _as_display(picture: ComparedImage) -> ComparedImage:
     """Convert an image to display values, in steps of 8 bits as in a file."""
     if picture.is_display:
@@ -203,18 +199,12 @@ def _zero_non_finite(a: Array, b: Array) -> tuple[Array, Array, NotFinite, int]:
     """Set pixels that are not finite in one image to 0 in both, and count the values that are left."""
     if np.isfinite(a).all() and np.isfinite(b).all():
         return a, b, NotFinite(), a.size
-    broken_a, broken_b = _non_finite_pixels(a), _non_finite_pixels(b)
-    broken = broken_a | broken_b
+    broken_a, broken_b = (np.any(~np.isfinite(image), axis=2) for image in (a, b))
+    broken = np.asarray(broken_a | broken_b)
     y, x = divmod(int(np.argmax(broken)), a.shape[1])
     first, second = (np.where(broken[..., None], 0.0, image) for image in (a, b))
     not_finite = NotFinite(int(np.count_nonzero(broken_a)), int(np.count_nonzero(broken_b)), (x, y))
     return first, second, not_finite, 3 * int(np.count_nonzero(~broken))
-
-
-def _non_finite_pixels(image: Array) -> NDArray[np.bool_]:
-    """Mark the pixels of an image that are not finite."""
-    broken: NDArray[np.bool_] = np.any(~np.isfinite(image), axis=2)
-    return broken
 
 
 def _measure(
@@ -223,7 +213,7 @@ def _measure(
     """Measure the metrics: values, their domains, reasons for missing ones, and the map of FLIP."""
     must = {*(wanted or ()), *checks.above, *checks.below}
     names = [name for name in METRICS if wanted is None or name in must]
-    displayed: tuple[Array, Array] | None = None
+    pairs: dict[Domain, tuple[Array, Array]] = {domain: (a, b)}
     totals: dict[str, Sums] = {}
     values: dict[str, float] = {}
     domains: dict[str, Domain] = {}
@@ -232,15 +222,15 @@ def _measure(
     for name in names:
         metric = METRICS[name]
         own: Domain = "display" if metric.always_display else domain
-        first, second = a, b
-        if own != domain:
-            displayed = displayed or (_encoded(a), _encoded(b))
-            first, second = displayed
-        if metric.of is not None:
-            totals.setdefault(own, sums(first, second))
-            values[name] = metric.of(totals[own], count) if count else math.nan
-        elif not count:
+        if own not in pairs:
+            pairs[own] = _encoded(a), _encoded(b)
+        first, second = pairs[own]
+        if not count:
             values[name] = math.nan
+        elif metric.of is not None:
+            if own not in totals:
+                totals[own] = sums(first, second)
+            values[name] = metric.of(totals[own], count)
         else:
             try:
                 if name not in must:
@@ -294,17 +284,18 @@ def _run_z_test(
                 raise InputError(f"the z-test takes the variances of both images: {why}")
             # Display images are not expected to have a variance.
             return None, "" if picture.is_display else why, ()
-    alike, gain = _are_alike(a, b), _gain_between(a, b)
+    # The same number of samples from the same sampler have like noise.
+    alike = bool(a.sampler) and a.spp is not None and (a.sampler, a.spp) == (b.sampler, b.spp)
+    gain, notes = _gain_between(a, b), list[str]()
     values, variance = a.values, a.variance
     if gain is not None and variance is not None:
         values, variance = gain * values, gain**2 * variance
+        factors = ", ".join(dict.fromkeys(f"{factor:.6g}" for factor in gain.tolist()))
+        notes.append(
+            f"A is judged at the gains that `auto` exposure or white balance measured on B: its light times {factors}"
+        )
     verdict = z_test(values, variance, b.values, b.variance, alpha=checks.alpha, alike=alike)
-    return verdict, "", (*_gain_note(gain), *_notes(a, b, verdict, alike=alike))
-
-
-def _are_alike(a: ComparedImage, b: ComparedImage) -> bool:
-    """Tell if two pictures have the same number of samples from the same sampler, so that their noise is alike."""
-    return bool(a.sampler) and a.spp is not None and (a.sampler, a.spp) == (b.sampler, b.spp)
+    return verdict, "", (*notes, *_notes(a, b, verdict, alike=alike))
 
 
 def _gain_between(a: ComparedImage, b: ComparedImage) -> Array | None:
@@ -316,16 +307,6 @@ def _gain_between(a: ComparedImage, b: ComparedImage) -> Array | None:
     for kind, own in a.measured_gains.items():
         gain = gain * b.measured_gains.get(kind, own) / own
     return None if (gain == 1.0).all() else gain
-
-
-def _gain_note(gain: Array | None) -> Iterator[str]:
-    """Say at which gains the images are compared."""
-    if gain is not None:
-        factors = dict.fromkeys(f"{factor:.6g}" for factor in gain.tolist())
-        yield (
-            "A is judged at the gains that `auto` exposure or white balance measured on B: its light times "
-            f"{', '.join(factors)}"
-        )
 
 
 def _notes(a: ComparedImage, b: ComparedImage, verdict: Verdict, *, alike: bool) -> Iterator[str]:

@@ -1,14 +1,20 @@
-"""Two images with the variances of their pixels: their difference, and its variance."""
+"""Two images with the variances of their pixels, their difference, and parallel work on both by bands of rows."""
 
-from typing import NamedTuple
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.analysis.compare.image_sizes import check_sizes
 from raytracer.util.errors import InputError
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
+
+# Rows of 4K images whose intermediate results stay in the processor's caches.
+ROWS = 64
 
 ROUNDING = 1e-6
 """Largest relative difference that counts as rounding: hits found in float32 (2^-24), added up over a path."""
@@ -68,6 +74,21 @@ class ImagePair(NamedTuple):
         return np.copysign(np.where(np.isfinite(self.a - self.b), z, np.inf), difference)
 
 
+def check_sizes(a: NDArray[np.floating[Any]], b: NDArray[np.floating[Any]]) -> None:
+    """Check that two arrays are images (height, width, 3) of one size.
+
+    Raises
+    ------
+    InputError : they are not.
+    """
+    if a.ndim != 3 or a.shape[2] != 3 or a.size == 0:
+        raise InputError(f"an image has the shape (height, width, 3), got {a.shape}")
+    if a.shape != b.shape:
+        raise InputError(
+            f"the images differ in size: {a.shape[1]} x {a.shape[0]} and {b.shape[1]} x {b.shape[0]} pixels"
+        )
+
+
 def make_image_pair(a: ArrayLike, var_a: ArrayLike | None, b: ArrayLike, var_b: ArrayLike | None) -> ImagePair:
     """Check and convert two images (height, width, 3) and their variances, None for one without noise.
 
@@ -94,3 +115,12 @@ def tile_sums(values: Array, tile: int) -> Array:
     with np.errstate(invalid="ignore", over="ignore"):
         rows = np.add.reduceat(values, np.arange(0, values.shape[0], tile), axis=0)
         return np.add.reduceat(rows, np.arange(0, values.shape[1], tile), axis=1)
+
+
+def map_row_bands(work: Callable[[int, int], T], height: int, rows: int = ROWS) -> list[T]:
+    """Call `work(top, bottom)` for all bands of `rows` rows; the bands are the same for any number of threads."""
+    tops = range(0, height, rows)
+    if len(tops) == 1:
+        return [work(0, height)]
+    with ThreadPoolExecutor(min(len(tops), os.cpu_count() or 1)) as threads:
+        return list(threads.map(lambda top: work(top, min(top + rows, height)), tops))

@@ -1,8 +1,9 @@
 """Error metrics of images, noise included.
 
-`a` is the image and `b` the reference, both (height, width, 3), here and in all of this package.  The
-first five are plain arithmetic, meant for linear light, but they tell something of display values as well; PSNR and
-SSIM are meant for what a display shows, in 0..1; FLIP has a kind for each.
+`a` is the image and `b` the reference, both (height, width, 3), here and in all of this package; all metrics raise an
+`InputError` where their shapes differ.  The first five are plain arithmetic, meant for linear light, but they tell
+something of display values as well; PSNR and SSIM are meant for what a display shows, in 0..1; FLIP has a kind for
+each.
 """
 
 import math
@@ -14,8 +15,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.analysis.compare.image_sizes import check_sizes
-from raytracer.analysis.compare.row_bands import map_row_bands
+from raytracer.analysis.compare.image_pair import check_sizes, map_row_bands
 from raytracer.core.error_estimate.metric import error_weights
 from raytracer.util.errors import InputError
 
@@ -44,9 +44,8 @@ def require_extra(what: str) -> None:
     ------
     InputError : it is not.
     """
-    module = {"ssim": "skimage", "flip": "flip_evaluator"}[what]
+    module, package = {"ssim": ("skimage", "scikit-image"), "flip": ("flip_evaluator", "flip-evaluator")}[what]
     if find_spec(module) is None:
-        package = {"ssim": "scikit-image", "flip": "flip-evaluator"}[what]
         raise InputError(f"{what} needs {package}, which is not installed: pip install 'raytracer[compare]'")
 
 
@@ -63,12 +62,7 @@ class Sums(NamedTuple):
 
 
 def sums(a: ArrayLike, b: ArrayLike) -> Sums:
-    """Compute the sums of all plain metrics in one pass.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
+    """Compute the sums of all plain metrics in one pass."""
     first, second = _pair(a, b)
 
     def of_band(top: int, bottom: int) -> tuple[float, ...]:
@@ -103,32 +97,17 @@ def _pair(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
 
 
 def mae(a: ArrayLike, b: ArrayLike) -> float:
-    """Compute the mean absolute error of `a` against `b`, images (height, width, 3), over pixels and channels.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
+    """Compute the mean absolute error of `a` against `b`, images (height, width, 3), over pixels and channels."""
     return sums(a, b).absolute / np.size(a)
 
 
 def mse(a: ArrayLike, b: ArrayLike) -> float:
-    """Compute the mean squared error of `a` against `b`, images (height, width, 3), over pixels and channels.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
+    """Compute the mean squared error of `a` against `b`, images (height, width, 3), over pixels and channels."""
     return sums(a, b).squared / np.size(a)
 
 
 def rmse(a: ArrayLike, b: ArrayLike) -> float:
-    """Compute the root of `mse`, in the unit of the images.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
+    """Compute the root of `mse`, in the unit of the images."""
     return math.sqrt(mse(a, b))
 
 
@@ -136,10 +115,6 @@ def relmse(a: ArrayLike, b: ArrayLike) -> float:
     """Compute the relative mean squared error of `a` against the reference `b`: the mean of (a - b)^2 / (b^2 + 0.01).
 
     The 0.01 keeps black pixels from dominating.
-
-    Raises
-    ------
-    InputError : the shapes differ.
 
     References: Rousselle, Knaus and Zwicker 2011, "Adaptive Sampling and Reconstruction using Greedy Error
         Minimization", ACM Transactions on Graphics 30(6), section 6.
@@ -152,10 +127,6 @@ def mrse(a: ArrayLike, b: ArrayLike) -> float:
 
     A value of exactly -0.01 in the reference counts as no error.
 
-    Raises
-    ------
-    InputError : the shapes differ.
-
     References: pbrt-v4, src/pbrt/util/image.cpp, `Image::MRSE`, which `imgtool diff --metric MRSE` prints; it leaves
         out what is infinite as well.
     """
@@ -163,16 +134,11 @@ def mrse(a: ArrayLike, b: ArrayLike) -> float:
 
 
 def psnr(a: ArrayLike, b: ArrayLike, peak: float = 1.0) -> float:
-    """Compute the peak signal-to-noise ratio in dB, 10 log10(peak^2 / MSE); inf for equal images.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
-    return decibels(mse(a, b), peak)
+    """Compute the peak signal-to-noise ratio in dB, 10 log10(peak^2 / MSE); inf for equal images."""
+    return _decibels(mse(a, b), peak)
 
 
-def decibels(error: float, peak: float = 1.0) -> float:
+def _decibels(error: float, peak: float = 1.0) -> float:
     """Compute the PSNR of a mean squared error."""
     return math.inf if error == 0.0 else 10.0 * math.log10(peak**2 / error)
 
@@ -317,7 +283,7 @@ METRICS = {
     "rmse": Metric("RMSE", False, lambda sums, count: math.sqrt(sums.squared / count)),
     "relmse": Metric("relMSE", False, lambda sums, count: sums.relative / count),
     "mrse": Metric("MRSE", False, lambda sums, count: sums.pbrt / count),
-    "psnr": Metric("PSNR", True, lambda sums, count: decibels(sums.squared / count), True),
+    "psnr": Metric("PSNR", True, lambda sums, count: _decibels(sums.squared / count), True),
     "ssim": Metric("SSIM", True, None, True),
     "flip": Metric("FLIP", False, None),
 }

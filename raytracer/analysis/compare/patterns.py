@@ -1,5 +1,7 @@
 """Patterns in the difference of two images: brightness, shift and blur too small to see in single pixels.
 
+And the least of them that would have been found.
+
 The difference d of two images is projected on what it would be if one were a little brighter (their mean m itself),
 shifted (its derivatives) or blurred (its Laplacian, in three bands), in the whole and in tiles.  Under the hypothesis
 that both are of one scene, the difference of a pixel is as likely to have one sign as the other, and pixels are
@@ -27,9 +29,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.compare.image_pair import ImagePair, tile_sums
+from raytracer.analysis.compare.image_pair import ROUNDING, ImagePair, map_row_bands, tile_sums
 from raytracer.analysis.compare.matched_filters import HALO, fine_filters, nearby, wide_filters
-from raytracer.analysis.compare.row_bands import map_row_bands
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,16 @@ PATTERNS = (
 
 SCALES = (1, 2, 4, 8)
 """Edges of the squares whose sums are multiplied with those of their neighbours (px)."""
+
+POWER = 0.9
+"""Power of the tests at their limits: the part of such differences that is found."""
+
+# 1 / (4 P(N > sqrt 2)), of a normal N: the least factor for all sums (Bentkus and Dzindzalieta 2015).
+_SYMMETRIC = 1.0 / (2.0 * math.erfc(1.0))
+
+_BRIGHTNESS = slice(0, 3)
+_SHIFTS = slice(3, 5)
+_BLUR = PATTERNS.index("blur_1px")
 
 # Rows of a band: its halo of 26 is a fifth of them, and it stays in the processor's caches.
 ROWS = 128
@@ -265,7 +276,12 @@ def _sums(pair: ImagePair, ratio: float, typical: Array, place: tuple[int, int],
         _projected(band, weight, alike=alike, tile=tile),
         tile_sums(whitened[:count], SCALES[1]),
         tile_sums(expected[:count], SCALES[1]),
-        np.stack([_down(whitened, expected, alike=alike), _across(whitened[:count], expected[:count], alike=alike)]),
+        np.stack(
+            [
+                _products(whitened, expected, 0, alike=alike),
+                _products(whitened[:count], expected[:count], 1, alike=alike),
+            ]
+        ),
         np.array([values.sum() for values in squares]),
     )
 
@@ -288,21 +304,15 @@ def _projected(band: _Band, weight: Array, *, alike: bool, tile: int) -> tuple[A
     return tile_sums(projected, tile), variances, tile_sums(response, tile), tile_sums(response**2, tile)
 
 
-def _products(a: Array, b: Array, var_a: Array, var_b: Array, *, alike: bool) -> Array:
-    """Sum the products of neighbours, and estimate the variance of that: (2,)."""
-    products = np.sum(a * b, axis=2)
+def _products(differences: Array, variances: Array, axis: int, *, alike: bool) -> Array:
+    """Sum the products of neighbours along an axis, and estimate the variance of that: (2,)."""
+    first, second = (slice(None),) * axis + (slice(-1),), (slice(None),) * axis + (slice(1, None),)
+    products = np.sum(differences[first] * differences[second], axis=2)
     variance = float(np.sum(products**2))
     if not alike:
-        variance = max(variance, float(np.sum(np.sum(np.sqrt(var_a * var_b), axis=2) ** 2)))
+        known = np.sqrt(variances[first] * variances[second])
+        variance = max(variance, float(np.sum(np.sum(known, axis=2) ** 2)))
     return np.array([products.sum(), variance])
-
-
-def _down(differences: Array, variances: Array, *, alike: bool) -> Array:
-    return _products(differences[:-1], differences[1:], variances[:-1], variances[1:], alike=alike)
-
-
-def _across(differences: Array, variances: Array, *, alike: bool) -> Array:
-    return _products(differences[:, :-1], differences[:, 1:], variances[:, :-1], variances[:, 1:], alike=alike)
 
 
 @np.errstate(invalid="ignore", over="ignore")
@@ -312,6 +322,79 @@ def _neighbour_z(bands: list[_Sums], *, alike: bool) -> Array:
     differences = np.concatenate([band.differences for band in bands])
     variances = np.concatenate([band.variances for band in bands])
     for _ in SCALES[1:]:
-        scores.append(np.stack([step(differences, variances, alike=alike) for step in (_down, _across)]))
+        scores.append(np.stack([_products(differences, variances, axis, alike=alike) for axis in (0, 1)]))
         differences, variances = tile_sums(differences, 2), tile_sums(variances, 2)
     return np.array([[_score(float(total), float(variance)) for total, variance in pair] for pair in scores])
+
+
+# ---- Detection limits
+
+
+class DetectionLimits(NamedTuple):
+    """Least differences that are found 9 times of 10; inf for what is never found.
+
+    brightness : of all light, as a fraction.
+    tile_brightness : of the light in a tile, as a fraction: the median over tiles.
+    tile : edge of these tiles (px).
+    shift : of the whole picture (px), along the less sensitive axis.
+    blur : of the whole picture, standard deviation of a Gaussian (px).
+    """
+
+    brightness: float
+    tile_brightness: float
+    tile: int
+    shift: float
+    blur: float
+
+    def sentence(self) -> str:
+        """Describe the smallest differences that would have been found; "" if nothing is known."""
+        is_known = math.isfinite(self.brightness)
+        whole = f"brightness over {100.0 * self.brightness:.2g} % in the whole" if is_known else ""
+        parts = ", ".join(filter(None, (whole, self.details())))
+        return f"would have found, {10.0 * POWER:.0f} times of 10: {parts}" if parts else ""
+
+    def details(self) -> str:
+        """Write the limits of all but the brightness of the whole."""
+        in_tiles = f"{100.0 * self.tile_brightness:.2g} % in a tile of {self.tile} px (half of the tiles)"
+        parts = {
+            in_tiles: self.tile_brightness,
+            f"a shift over {self.shift:.2g} px": self.shift,
+            f"a blur over {self.blur:.2g} px": self.blur,
+        }
+        return ", ".join(part for part, limit in parts.items() if math.isfinite(limit))
+
+
+def symmetric_tail(z: float) -> float:
+    """Bound the probability that |sum s_i c_i| / sqrt(sum c_i^2) is at least `z`, of random signs s_i and any c_i.
+
+    References: Bentkus and Dzindzalieta 2015, "A tight Gaussian bound for weighted sums of Rademacher random
+        variables", Bernoulli 21(2), theorem 1.1.
+    """
+    return min(1.0, _SYMMETRIC * math.erfc(z / math.sqrt(2.0)))
+
+
+def detection_limits(structure: Structure, alpha: float, tile: int) -> DetectionLimits:
+    """Find the least differences that tests of the level `alpha` each find.
+
+    tile : edge of the tiles of `structure` (px).
+    """
+    whole = _limits(structure.whole, alpha)
+    in_tiles = _limits(structure.tiles, alpha)[..., _BRIGHTNESS].min(axis=-1)
+    # A tile without any light can be no brighter.
+    lit = np.any(structure.tiles.responses[..., _BRIGHTNESS] > 0.0, axis=-1)
+    return DetectionLimits(
+        brightness=float(whole[_BRIGHTNESS].min()),
+        tile_brightness=float(np.median(in_tiles[lit])) if lit.any() else math.inf,
+        tile=tile,
+        shift=float(whole[_SHIFTS].max()),
+        blur=math.sqrt(float(whole[_BLUR])),
+    )
+
+
+def _limits(projections: Projections, alpha: float) -> Array:
+    """Find the amounts that are found with the probability `POWER`, by one of the tests of a level together."""
+    from scipy.special import ndtri
+
+    each = -math.expm1(math.log1p(-alpha) / projections.sums.size)
+    z = float(-ndtri(0.5 * each / _SYMMETRIC) + ndtri(POWER))
+    return np.maximum(projections.detectable_amounts(z), ROUNDING)

@@ -1,6 +1,5 @@
 """Result of a comparison of two images: metrics, the verdict of the z-test, and pass or fail."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -11,7 +10,9 @@ from raytracer.analysis.compare.compared_image import ComparedImage
 from raytracer.analysis.compare.metrics import METRICS, Domain
 from raytracer.analysis.compare.patterns import PATTERNS
 from raytracer.analysis.compare.z_test import Verdict
+from raytracer.report.page import to_plain
 from raytracer.report.wording import plural
+from raytracer.util.errors import InputError
 
 
 class NotFinite(NamedTuple):
@@ -71,6 +72,17 @@ class Comparison:
     flip: NDArray[np.float32] | None
     pictures: tuple[ComparedImage, ComparedImage] | None
 
+    def images(self) -> tuple[ComparedImage, ComparedImage]:
+        """Return the two images.
+
+        Raises
+        ------
+        InputError : they were released.
+        """
+        if self.pictures is None:
+            raise InputError("the pixels of this comparison were released")
+        return self.pictures
+
     def without_pixels(self) -> "Comparison":
         """Copy the comparison without the data that take memory."""
         verdict = self.verdict and replace(self.verdict, pixel_z=np.empty((0, 0, 3)))
@@ -79,35 +91,37 @@ class Comparison:
     def json(self) -> dict[str, Any]:
         """Return everything but pixels, as JSON can hold it."""
         verdict = self.verdict
-        return {
-            "a": self.a,
-            "b": self.b,
-            "width": self.width,
-            "height": self.height,
-            "metrics": {
-                name: {"value": _number(value), "domain": self.domains[name]} for name, value in self.metrics.items()
-            },
-            "unmeasured": self.unmeasured,
-            "noise_mse": self.noise_mse,
-            "z_test": None
-            if verdict is None
-            else {
-                "passed": verdict.passed,
-                "reason": verdict.reason,
-                "mean_z": [_number(z) for z in verdict.mean_z],
-                "pattern_z": dict(zip(PATTERNS, map(_number, verdict.pattern_z), strict=True)),
-                "squares_z": _number(verdict.squares_z),
-                "squares_ratio": _number(verdict.squares_ratio),
-                "p": {name: _number(p) for name, p in verdict.p_values().items()},
-                "findings": list(verdict.findings),
-                "would_have_found": {name: _number(value) for name, value in verdict.limits._asdict().items()},
-            },
-            "untested": self.untested or None,
-            "notes": list(self.notes),
-            "not_finite": self.not_finite._asdict(),
-            "passed": self.passed,
-            "failures": list(self.failures),
-        }
+        values: dict[str, Any] = to_plain(
+            {
+                "a": self.a,
+                "b": self.b,
+                "width": self.width,
+                "height": self.height,
+                "metrics": {
+                    name: {"value": value, "domain": self.domains[name]} for name, value in self.metrics.items()
+                },
+                "unmeasured": self.unmeasured,
+                "noise_mse": self.noise_mse,
+                "z_test": verdict
+                and {
+                    "passed": verdict.passed,
+                    "reason": verdict.reason,
+                    "mean_z": verdict.mean_z,
+                    "pattern_z": dict(zip(PATTERNS, verdict.pattern_z, strict=True)),
+                    "squares_z": verdict.squares_z,
+                    "squares_ratio": verdict.squares_ratio,
+                    "p": verdict.p_values(),
+                    "findings": verdict.findings,
+                    "would_have_found": {name: float(value) for name, value in verdict.limits._asdict().items()},
+                },
+                "untested": self.untested or None,
+                "notes": self.notes,
+                "not_finite": self.not_finite._asdict(),
+                "passed": self.passed,
+                "failures": self.failures,
+            }
+        )
+        return values
 
     def text(self) -> str:
         """Write a report as text."""
@@ -157,7 +171,3 @@ def _label(side: str, name: str) -> str:
 def verdict_sentence(verdict: Verdict) -> str:
     """Write if the z-test passed, and why not."""
     return f"z-test {'passed' if verdict.passed else 'failed'}: {verdict.reason}"
-
-
-def _number(value: float) -> float | str:
-    return float(value) if math.isfinite(value) else str(float(value))

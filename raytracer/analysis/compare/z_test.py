@@ -12,10 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.analysis.compare.detection_limits import DetectionLimits, detection_limits, symmetric_tail
-from raytracer.analysis.compare.image_pair import ImagePair, make_image_pair, tile_sums
-from raytracer.analysis.compare.patterns import PATTERNS, SCALES, Structure, find_structure
-from raytracer.analysis.compare.row_bands import ROWS, map_row_bands
+from raytracer.analysis.compare.image_pair import ROWS, ImagePair, make_image_pair, map_row_bands, tile_sums
+from raytracer.analysis.compare.patterns import (
+    PATTERNS,
+    SCALES,
+    DetectionLimits,
+    Structure,
+    detection_limits,
+    find_structure,
+    symmetric_tail,
+)
 
 Array = NDArray[np.float64]
 
@@ -58,23 +64,16 @@ class Verdict:
     ----------
     passed : True if every p is at least the significance level over `TESTS`.
     reason : one sentence: the first test that failed, or how near the images are.
-    mean_z : (3,), means of the channels.
-    mean_p : for `mean_z`.
-    tile_z : (rows, columns, 3), means of square tiles.
-    tile_p : for `tile_z`.
-    pixel_z : (height, width, 3); the variance of a pixel is taken no smaller than the mean of those of its tile.
-    pixel_p : for `pixel_z`.
-    exceeding : (3,), fraction of the pixels with a |z| above 2, which is 0.0455 for normal noise.
-    exceeding_p : for `exceeding`.
-    pattern_z : (8,), projections of the whole difference on `patterns.PATTERNS`: brightness of the channels, shift to
-        the right and downwards, blur of three widths.
-    pattern_p : for `pattern_z`.
-    pattern_tile_z : (rows, columns, 8), those of tiles with twice the edge of those of `tile_z`.
-    pattern_tile_p : for `pattern_tile_z`.
-    neighbour_z : (4, 2), products of differences 1, 2, 4 and 8 pixels apart, down and across.
-    neighbour_p : for `neighbour_z`.
-    squares_z : sum of the squared differences less their variances, in its own standard deviations.
-    squares_p : for `squares_z`, of which only large values count.
+    mean_z, mean_p : (3,), means of the channels.
+    tile_z, tile_p : (rows, columns, 3), means of square tiles.
+    pixel_z, pixel_p : (height, width, 3); that of a pixel is of a variance no smaller than the mean of its tile.
+    exceeding, exceeding_p : (3,), fraction of the pixels with a |z| above 2, which is 0.0455 for normal noise.
+    pattern_z, pattern_p : (8,), projections of the whole difference on `patterns.PATTERNS`: brightness of the channels,
+        shift to the right and downwards, blur of three widths.
+    pattern_tile_z, pattern_tile_p : (rows, columns, 8), those of tiles with twice the edge of those of `tile_z`.
+    neighbour_z, neighbour_p : (4, 2), products of differences 1, 2, 4 and 8 pixels apart, down and across.
+    squares_z, squares_p : sum of the squared differences less their variances, in its own standard deviations, of which
+        only large values count.
     squares_ratio : squared differences over their variances; below 1, noise is less than the variances.
     findings : sentences, one for each test that failed.
     limits : least differences that would have been found.

@@ -1,23 +1,25 @@
-"""Hardware access of a study: compiling, rendering tiles and developing, and the seeds of renders.
+"""Hardware access of a study: compiling, rendering tiles and developing, the seeds of renders, and the clock.
 
 Tests put a `Bench` of their own in place of the machine, with pictures and times that are known.
 """
 
 import enum
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.cost.workload import FIRST_LEVEL_SPP
+from raytracer.analysis.cost.tile_sample import FIRST_LEVEL_SPP
 from raytracer.core.sampling import SAMPLERS
 from raytracer.film.film import Film
 from raytracer.film.window import Window
 from raytracer.rendering.compilation import CompiledScene, compile_scene
 from raytracer.rendering.develop import develop_image
 from raytracer.rendering.film_region import FilmRegion
+from raytracer.rendering.statistics import PhaseTimer
 from raytracer.rendering.tile_renderer import RenderedTiles, render_tiles
 from raytracer.scene.pack.scene import PackedScene
 from raytracer.scene.spec import SceneSpec
@@ -81,3 +83,32 @@ class Purpose(enum.IntEnum):
 def seeds(seed: int, purpose: Purpose, count: int) -> list[int]:
     """Draw seeds that are independent of each other and of those of another purpose."""
     return [int(state) for state in np.random.SeedSequence((seed, purpose)).generate_state(count)]
+
+
+class Progress(NamedTuple):
+    """Phase of a study that is under way, and the fraction of it that is done."""
+
+    phase: str
+    fraction: float
+
+
+class StudyTimer(PhaseTimer):
+    """Seconds by phase, and reports of progress."""
+
+    def __init__(self, seconds: dict[str, float], progress: Callable[[Progress], None] | None) -> None:
+        super().__init__(seconds)
+        self._progress = progress or (lambda _: None)
+
+    @contextmanager
+    def phase(self, name: str, label: str = "") -> Iterator[Callable[[float], None]]:
+        """Time the phase within; yields a function that reports the fraction of it that is done.
+
+        label : what users read, if that is not the name.
+        """
+        shown = label or name
+        self.resume()
+        self._progress(Progress(shown, 0.0))
+        try:
+            yield lambda fraction: self._progress(Progress(shown, fraction))
+        finally:
+            self.lap(name)

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.cost.predict import PictureCost, with_sampling_spread
-from raytracer.analysis.cost.replicates import Replicates
+from raytracer.analysis.cost.predict import PictureCost, widened, with_sampling_spread
 from raytracer.analysis.cost.results import Prediction, VariantResult
 from raytracer.analysis.cost.rounds import Rounds
 from raytracer.analysis.cost.tile_sample import TileSample
+from raytracer.analysis.cost.variant import Variant
 from raytracer.core.error_estimate.intervals import (
     UNKNOWN,
     Interval,
@@ -48,7 +48,6 @@ class Baseline(NamedTuple):
     scene : its rounds.
     tiles : the tiles of the rounds.
     weight : (P, 3), weights of squared errors.
-    rate : convergence of the scene.
     picture : costs of the whole picture.
     rays : rays of a sample of a pixel.
     seed : of the bootstrap.
@@ -58,18 +57,14 @@ class Baseline(NamedTuple):
     tiles: TileSample
     weight: Array
     prediction: Prediction
-    rate: ConvergenceRate
     picture: PictureCost
     rays: float
     seed: int
 
-
-class VariantNames(NamedTuple):
-    """Name, group and description of a variant: see `results.VariantResult`."""
-
-    name: str
-    group: str
-    what: str
+    @property
+    def rate(self) -> ConvergenceRate:
+        """Convergence of the scene."""
+        return ConvergenceRate(self.prediction.linear, self.prediction.steep, self.prediction.early)
 
 
 class NoiseFloor(NamedTuple):
@@ -79,21 +74,15 @@ class NoiseFloor(NamedTuple):
     noise: float
 
 
-def rays_per_sample(measured: Replicates, picture: PictureCost) -> float:
-    """Compute the rays of a sample of a pixel, over the whole picture."""
-    if not math.isnan(picture.rays):
-        return picture.rays / picture.pixels
-    weight, pixels = measured.tiles.weight, measured.tiles.pixels
-    return float((measured.rays.mean(axis=0) * weight).sum() / (pixels * weight).sum())
-
-
-def baseline_result(basis: Baseline, names: VariantNames) -> VariantResult:
+def baseline_result(basis: Baseline) -> VariantResult:
     """Make the row of the scene itself."""
     prediction, spp = basis.prediction, basis.scene.spp
     near = min(prediction.points, key=lambda point: abs(math.log(point.spp / spp))).error
     error = prediction.error(spp)
     return VariantResult(
-        *names,
+        "scene",
+        "scene",
+        "the scene as it is",
         per_sample=prediction.per_sample,
         per_ray=_per_ray(basis, prediction.per_sample, basis.rays),
         rays_per_sample=basis.rays,
@@ -114,24 +103,17 @@ def noise_floor(basis: Baseline, control: Rounds) -> NoiseFloor:
     )
 
 
-def variant_result(
-    basis: Baseline, names: VariantNames, rounds: Rounds, sampler: str, floor: NoiseFloor, *, same_mean: bool
-) -> VariantResult:
-    """Compare a variant with the scene.
-
-    Parameters
-    ----------
-    sampler : of the variant.
-    same_mean : True if it has no bias by construction.
-    """
+def variant_result(basis: Baseline, variant: Variant, rounds: Rounds, sampler: str, floor: NoiseFloor) -> VariantResult:
+    """Compare a variant, which is rendered with a `sampler`, with the scene."""
     in_rounds = ratio_interval(*_times(basis, rounds), basis.seed)
     time = _with_tiles(basis, in_rounds, rounds)
     per_sample = map_interval(time, lambda ratio: ratio * basis.prediction.per_sample.value)
-    rays = basis.rays * _rays(basis, rounds) / _rays(basis, basis.scene)
+    own, scene = (float(each.rays.mean(axis=0) @ basis.tiles.weight) for each in (rounds, basis.scene))
+    rays = basis.rays * own / scene
     # The measured bias of the control shows what chance does.
-    is_certain = same_mean and names.group != "control"
+    is_certain = variant.same_mean and variant.group != "control"
     result = VariantResult(
-        *names,
+        *variant[:3],
         per_sample=per_sample,
         per_ray=_per_ray(basis, per_sample, rays),
         rays_per_sample=rays,
@@ -139,19 +121,19 @@ def variant_result(
         time_differs=_differs(in_rounds, floor.time) and is_steady(*_times(basis, rounds)),
         spp=rounds.spp,
         bias=None if is_certain else UNKNOWN,
-        unbiased=same_mean,
+        unbiased=variant.same_mean,
         brightness=_brightness(basis, rounds),
     )
     bias, resolved = _bias(basis, rounds)
-    if same_mean and resolved and result.brightness is not None and result.brightness.high < 0.0:
+    if variant.same_mean and resolved and result.brightness is not None and result.brightness.high < 0.0:
         return replace(result, why_blank=_UNSEEN)
     noise_ratio = _noise_ratio(basis, rounds.mean, basis.scene.mean)
-    resolved = resolved and not same_mean
+    resolved = resolved and not variant.same_mean
     noise_differs = _differs(noise_ratio, floor.noise)
     # What is no measurable difference makes none in what follows from it.
     rate = _rate(basis, rounds, sampler) if noise_differs else basis.rate
     seconds = (per_sample if result.time_differs else basis.prediction.per_sample).value
-    of_target = _NO_BIAS if same_mean else bias
+    of_target = _NO_BIAS if variant.same_mean else bias
     spp, why_blank = _samples_to_target(basis.prediction.target, rate, of_target, bias_resolved=resolved)
     return replace(
         result,
@@ -189,13 +171,7 @@ def _with_tiles(basis: Baseline, ratio: Interval, rounds: Rounds) -> Interval:
         return ratio
     own, scene = (np.median(busy, axis=0) * basis.tiles.weight for busy in (rounds.busy, basis.scene.busy))
     by_tile = ratio_of_sums(own, scene, basis.seed)
-    down = math.hypot(math.log(ratio.value / ratio.low), math.log(by_tile.value / by_tile.low))
-    up = math.hypot(math.log(ratio.high / ratio.value), math.log(by_tile.high / by_tile.value))
-    return Interval(ratio.value, ratio.value * math.exp(-down), ratio.value * math.exp(up))
-
-
-def _rays(basis: Baseline, rounds: Rounds) -> float:
-    return float(rounds.rays.mean(axis=0) @ basis.tiles.weight)
+    return widened(ratio, math.log(by_tile.value / by_tile.low), math.log(by_tile.high / by_tile.value))
 
 
 def _per_ray(basis: Baseline, per_sample: Interval, rays: float) -> Interval:
@@ -208,11 +184,6 @@ def _per_ray(basis: Baseline, per_sample: Interval, rays: float) -> Interval:
 
 def _mse(basis: Baseline, means: Array) -> TileSums:
     return mse_by_tile(means, basis.weight, basis.tiles.owner)
-
-
-def _weighted(basis: Baseline, squares: TileSums) -> tuple[Array, Array]:
-    """Weight numerators and denominators of a mean over the pixels of the picture."""
-    return squares.sums * basis.tiles.weight, squares.pixels * basis.tiles.weight
 
 
 def _noise_ratio(basis: Baseline, own: Array, scene: Array) -> Interval:
@@ -239,7 +210,8 @@ def _noise(basis: Baseline, rounds: Rounds, ratio: Interval) -> Interval:
     scene = basis.rate.mse(rounds.spp)
     if math.isfinite(ratio.value):
         return sqrt_interval(map_interval(ratio, lambda factor: factor * scene))
-    return sqrt_interval(ratio_of_sums(*_weighted(basis, _mse(basis, rounds.mean)), basis.seed))
+    squares, weight = _mse(basis, rounds.mean), basis.tiles.weight
+    return sqrt_interval(ratio_of_sums(squares.sums * weight, squares.pixels * weight, basis.seed))
 
 
 def _rate(basis: Baseline, rounds: Rounds, sampler: str) -> ConvergenceRate | None:

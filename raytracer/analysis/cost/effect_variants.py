@@ -1,25 +1,8 @@
 """Variants of a scene that each leave out one effect."""
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
 
-from raytracer.analysis.cost.material_variants import ConstantIndex, MeanTextures, PlainMaterials
-from raytracer.analysis.cost.packed_variants import (
-    without_environment_sampling,
-    without_light_kind,
-    without_media_kind,
-    without_path,
-)
-from raytracer.analysis.cost.spec_variants import (
-    with_global_shutter,
-    with_instant_shutter,
-    with_round_stop,
-    with_still_camera,
-    with_thin_lens,
-    without_dispersion,
-    without_motion,
-    without_reflections,
-)
+from raytracer.analysis.cost import removals
 from raytracer.analysis.cost.variant import Variant
 from raytracer.kernel.normal_mapping import vertex_normal_mapping
 from raytracer.kernel.packed_scene import Scene
@@ -34,93 +17,80 @@ from raytracer.scene.spec import SceneSpec
 from raytracer.schema.registry import LIGHTS, MATERIALS, MEDIA
 
 
-class _PackedEffect(NamedTuple):
-    """An effect that is a part of the packed scene.
+def _of_spec(name: str, what: str, without: Callable[[SceneSpec], SceneSpec]) -> Variant:
+    """Make the variant without an effect that is in the checked scene."""
+    return Variant(name, "effect", what, without, needs_repacking=True)
 
-    what : description of the scene without it.
-    without : removes it from the packed scene.
-    same_mean : as in `Variant`.
-    """
 
-    what: str
-    without: Callable[[Scene], Scene]
-    same_mean: bool = False
+def _of_packed(name: str, what: str, without: Callable[[Scene], Scene], *, same_mean: bool = False) -> Variant:
+    """Make the variant without an effect that is a part of the packed scene."""
+    return Variant(name, "effect", what, packed_variant=without, same_mean=same_mean)
 
 
 def _clear_at(*path: str) -> Callable[[Scene], Scene]:
     """Make a function that sets a path of fields of the scene to None."""
-    return lambda scene: without_path(scene, path)
+    return lambda scene: removals.without_path(scene, path)
 
 
-_PACKED: Mapping[str, _PackedEffect] = {
-    "defocus": _PackedEffect(
-        "everything is sharp: the opening is a point, which lets in as much light", _clear_at("camera", "lens")
-    ),
-    "aperture_shape": _PackedEffect(
-        "the opening is a round one of the same area", _clear_at("camera", "lens", "shape")
-    ),
-    "vignetting": _PackedEffect("no rim before the lens keeps light out", _clear_at("camera", "lens", "rim")),
-    "media": _PackedEffect("all of space is clear", _clear_at("media")),
-    "relief": _PackedEffect(
-        "surfaces are shaded as smooth as they are",
-        lambda scene: scene._replace(normal_mapping=vertex_normal_mapping(scene.primitives)),
-    ),
-    "clamp": _PackedEffect("samples are as bright as they are", _clear_at("clamp")),
-    "nested_dielectrics": _PackedEffect(
-        "of what overlaps every surface is seen, each as a boundary to air", _clear_at("nested_dielectrics")
-    ),
-    "environment_sampling": _PackedEffect(
-        "no next-event estimation (MIS) of the environment: only paths find it",
-        without_environment_sampling,
-        same_mean=True,
-    ),
+_VARIANTS = {
+    variant.name: variant
+    for variant in (
+        _of_packed(
+            "defocus",
+            "everything is sharp: the opening is a point, which lets in as much light",
+            _clear_at("camera", "lens"),
+        ),
+        _of_packed(
+            "aperture_shape", "the opening is a round one of the same area", _clear_at("camera", "lens", "shape")
+        ),
+        _of_packed("vignetting", "no rim before the lens keeps light out", _clear_at("camera", "lens", "rim")),
+        _of_packed("media", "all of space is clear", _clear_at("media")),
+        _of_packed(
+            "relief",
+            "surfaces are shaded as smooth as they are",
+            lambda scene: scene._replace(normal_mapping=vertex_normal_mapping(scene.primitives)),
+        ),
+        _of_packed("clamp", "samples are as bright as they are", _clear_at("clamp")),
+        _of_packed(
+            "nested_dielectrics",
+            "of what overlaps every surface is seen, each as a boundary to air",
+            _clear_at("nested_dielectrics"),
+        ),
+        _of_packed(
+            "environment_sampling",
+            "no next-event estimation (MIS) of the environment: only paths find it",
+            removals.without_environment_sampling,
+            same_mean=True,
+        ),
+        _of_spec("motion_blur", "nothing moves: all is as in the middle of the exposure", removals.without_motion),
+        _of_spec(
+            "shutter_curve",
+            "the shutter opens and closes at once, and exposes for as long",
+            removals.with_instant_shutter,
+        ),
+        _of_spec("rolling_shutter", "all of the film is exposed when its middle was", removals.with_global_shutter),
+        _of_spec("camera_shake", "the camera is held still", removals.with_still_camera),
+        _of_spec(
+            "environment",
+            "rays that meet nothing see black",
+            lambda spec: spec.model_copy(update={"environment": None}),
+        ),
+        _of_spec(
+            "real_lens",
+            "an ideal thin lens has the place of the glass: its entrance pupil, focus and scale",
+            removals.with_thin_lens,
+        ),
+        _of_spec(
+            "flare",
+            "the glass of the lens reflects nothing",
+            lambda spec: removals.with_camera(spec, flare=False),
+        ),
+    )
 }
-
-
-class _SpecEffect(NamedTuple):
-    """An effect that is in the checked scene.
-
-    what : description of the scene without it.
-    without : removes it from the checked scene.
-    more_than : another such effect, without which the scene may be the same; there is no need for both then.
-    """
-
-    what: str
-    without: Callable[[SceneSpec], SceneSpec]
-    more_than: str | None = None
-
-
-_SPECS: Mapping[str, _SpecEffect] = {
-    "motion_blur": _SpecEffect(
-        "nothing moves: all is as in the middle of the exposure", without_motion, more_than="camera_shake"
-    ),
-    "shutter_curve": _SpecEffect("the shutter opens and closes at once, and exposes for as long", with_instant_shutter),
-    "rolling_shutter": _SpecEffect("all of the film is exposed when its middle was", with_global_shutter),
-    "camera_shake": _SpecEffect("the camera is held still", with_still_camera),
-    "environment": _SpecEffect(
-        "rays that meet nothing see black",
-        lambda spec: spec.model_copy(update={"environment": None}),
-    ),
-    "real_lens": _SpecEffect(
-        "an ideal thin lens has the place of the glass: its entrance pupil, focus and scale", with_thin_lens
-    ),
-    "flare": _SpecEffect("the glass of the lens reflects nothing", without_reflections),
-}
-
-
-# Effects of a lens of glass: the lens without the effect, or why there is no such lens.
-_GLASS: Mapping[str, _SpecEffect | str] = {
-    "aperture_shape": _SpecEffect("the stop is a round one of the same area", with_round_stop),
-    "defocus": "a real lens needs its opening: see real_lens",
-    "vignetting": "it is what the rims of the glass do: see real_lens",
-}
-
 
 _DEVELOPED = "it is done to the finished picture, whatever its samples took"
 
-
-# Effects that cannot be left out, with the reasons.
-_NEVER_LEFT_OUT: Mapping[str, str] = {
+_NEVER_LEFT_OUT = {
     "recentring": "it is done before the first ray, and takes none of their time",
     "exposure": _DEVELOPED,
     "sensor_noise": _DEVELOPED,
@@ -132,11 +102,21 @@ _NEVER_LEFT_OUT: Mapping[str, str] = {
     "smooth_shading": "the normals of its vertices are a part of a mesh's form",
     "passage": "it is a part of the materials that light goes straight through",
 }
+"""Reasons of effects that cannot be left out."""
 
+# Of a lens of glass, in place of the above: the variant, or why there is none.
+_GLASS: Mapping[str, Variant | str] = {
+    "aperture_shape": _of_spec(
+        "aperture_shape",
+        "the stop is a round one of the same area",
+        lambda spec: removals.with_camera(spec, aperture_shape=None),
+    ),
+    "defocus": "a real lens needs its opening: see real_lens",
+    "vignetting": "it is what the rims of the glass do: see real_lens",
+}
 
 # Effects that are settings, which have variants of their own.
 _SETTINGS = {"light_sampling", "roulette"}
-
 
 _SOLE = "it is all the light that there is"
 
@@ -147,7 +127,9 @@ class EffectVariants:
     def __init__(self, spec: SceneSpec, packed: PackedScene) -> None:
         self._spec, self._scene = spec, packed.scene
         effects = effects_of(packed.spec, packed.scene)
-        self._has_glass = effects["real_lens"].active
+        self._table: Mapping[str, Variant | str] = {**_VARIANTS, **_NEVER_LEFT_OUT}
+        if effects["real_lens"].active:
+            self._table = {**self._table, **_GLASS}
         self._sources = _sources(spec, packed.scene, effects)
         self._parts = list(
             dict.fromkeys(collect_components(object_material(spec, item) for _, item in spec.all_objects()))
@@ -165,9 +147,7 @@ class EffectVariants:
 
     def _without(self, name: str) -> Variant | str:
         """Make the variant without an effect, or say why there is none."""
-        lost = {name} | (
-            {f"light.{light}" for light in self._lights_of_environment()} if name == "environment" else set()
-        )
+        lost = {name} | (self._lights_of_environment() if name == "environment" else set())
         if self._sources and self._sources <= lost:
             return _SOLE
         family, dot, kind = name.partition(".")
@@ -176,31 +156,23 @@ class EffectVariants:
             return "it is what the scene is made of" if make is None else make(self, name, kind)
         if name == "dispersion":
             what = "glass bends all colours alike, as it bends the yellow of the d line"
-            return Variant(
-                name, "effect", what, without_dispersion, needs_repacking=True, material_variant=ConstantIndex()
-            )
-        glass = _GLASS.get(name) if self._has_glass else None
-        if isinstance(glass, str):
-            return glass
-        effect = glass or _SPECS.get(name)
-        if effect is not None:
-            # By their values: a key that is set to what it is by default makes no other picture here.
-            if effect.more_than and dict(effect.without(self._spec)) == dict(
-                _SPECS[effect.more_than].without(self._spec)
-            ):
-                return f"without {effect.more_than} it is the same scene: see there"
-            return Variant(name, "effect", effect.what, effect.without, needs_repacking=True)
-        part = _PACKED.get(name)
+            return _of_spec(name, what, removals.without_dispersion)._replace(material_variant=removals.ConstantIndex())
+        # By their values: a key that is set to what it is by default makes no other picture here.
+        if name == "motion_blur" and dict(removals.without_motion(self._spec)) == dict(
+            removals.with_still_camera(self._spec)
+        ):
+            return "without camera_shake it is the same scene: see there"
+        if name in self._table:
+            return self._table[name]
         # An effect that the packed scene has a place for.
-        if part is None and name in Scene._fields and name not in _NEVER_LEFT_OUT:
-            part = _PackedEffect(f"{name} is left out", _clear_at(name))
-        if part is not None:
-            return Variant(name, "effect", part.what, packed_variant=part.without, same_mean=part.same_mean)
-        return _NEVER_LEFT_OUT.get(name, "nothing could take its place")
+        if name in Scene._fields:
+            return _of_packed(name, f"{name} is left out", _clear_at(name))
+        return "nothing could take its place"
 
     def _lights_of_environment(self) -> set[str]:
-        """List the kinds of lights that are only a part of the environment."""
-        return {light.type for light in lights_of(self._spec)} - {light.type for light in self._spec.lights}
+        """Name the effects of lights that are only a part of the environment."""
+        kinds = {light.type for light in lights_of(self._spec)} - {light.type for light in self._spec.lights}
+        return {f"light.{kind}" for kind in kinds}
 
     def _material(self, name: str, kind: str) -> Variant | str:
         if kind == Lambertian.model_fields["type"].default:
@@ -212,11 +184,11 @@ class EffectVariants:
             what = f"of a {kind} material only the one is left that comes nearest to it"
         else:
             return "it is nothing that is seen, so no other material is near to it"
-        return Variant(name, "effect", what, needs_repacking=True, material_variant=PlainMaterials(kind))
+        return Variant(name, "effect", what, needs_repacking=True, material_variant=removals.PlainMaterials(kind))
 
     def _texture(self, name: str, kind: str) -> Variant:
         what = f"in place of {kind} textures there are their means"
-        return Variant(name, "effect", what, needs_repacking=True, material_variant=MeanTextures(kind))
+        return Variant(name, "effect", what, needs_repacking=True, material_variant=removals.MeanTextures(kind))
 
     def _light(self, name: str, kind: str) -> Variant:
         module = LIGHTS.specs()[kind].__module__
@@ -226,7 +198,7 @@ class EffectVariants:
             f"no {kind} light shines",
             lambda spec: spec.model_copy(update={"lights": tuple(item for item in spec.lights if item.type != kind)}),
             # The light that is a part of the environment.
-            lambda scene: without_light_kind(scene, module),
+            lambda scene: removals.without_light_kind(scene, module),
             needs_repacking=any(item.type == kind for item in self._spec.lights),
         )
 
@@ -235,7 +207,7 @@ class EffectVariants:
             return "it is the only kind of medium: see media"
         module = MEDIA.specs()[kind].__module__
         what = f"space is clear where {kind} media were"
-        return Variant(name, "effect", what, packed_variant=lambda scene: without_media_kind(scene, module))
+        return _of_packed(name, what, lambda scene: removals.without_media_kind(scene, module))
 
 
 _FAMILIES: Mapping[str, Callable[[EffectVariants, str, str], Variant | str]] = {

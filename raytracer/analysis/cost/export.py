@@ -1,7 +1,6 @@
 """Export of a study as JSON and CSV, in seconds and fractions, with every interval."""
 
-import csv
-import io
+import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
@@ -9,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from raytracer.analysis.cost.results import Study, VariantResult
-
-_ENDS = ("low", "high")
+from raytracer.analysis.cost.results import Study
+from raytracer.core.error_estimate.intervals import UNKNOWN
+from raytracer.report.table import csv_text
 
 # Keys of JSON that are not the names of fields.
 _JSON_KEYS = {"variants": "arms"}
@@ -46,18 +45,9 @@ def to_json(study: Study) -> dict[str, Any]:
     return {_JSON_KEYS.get(name, name): value for name, value in _plain(study).items()}
 
 
-def _cell(value: Any) -> Any:
-    if isinstance(value, float):
-        return "" if math.isnan(value) else repr(float(value))
-    return "" if value is None else value
-
-
-def _table(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([_cell(value) for value in row] for row in rows)
-    return text.getvalue()
+def json_text(study: Study) -> str:
+    """Write `to_json` as text."""
+    return json.dumps(to_json(study), indent=2, allow_nan=False) + "\n"
 
 
 # Columns of the table of variants, with their units, and the field of a variant that each holds.
@@ -86,26 +76,19 @@ _COLUMNS = {
 _INTERVALS = ("per_sample", "per_ray", "time", "noise", "noise_ratio", "bias", "brightness")
 
 
-def _row(variant: VariantResult) -> list[Any]:
-    row: list[Any] = []
-    for name in _COLUMNS.values():
-        value = getattr(variant, name)
-        if name in _INTERVALS:
-            row += [math.nan] * 3 if value is None else list(value)
-        else:
-            row.append(value)
-    return row
-
-
 def to_csv(study: Study) -> str:
     """Write the variants, one a row, each interval in three columns; empty where unknown, "inf" where out of reach."""
     header: list[str] = []
+    rows: list[list[Any]] = [[] for _ in study.variants]
     for column, name in _COLUMNS.items():
-        header += [column, *(f"{column}_{end}" for end in _ENDS)] if name in _INTERVALS else [column]
-    return _table(header, (_row(variant) for variant in study.variants))
+        header += [column, f"{column}_low", f"{column}_high"] if name in _INTERVALS else [column]
+        for row, variant in zip(rows, study.variants, strict=True):
+            value = getattr(variant, name)
+            row.extend((value or UNKNOWN) if name in _INTERVALS else [value])
+    return csv_text(header, rows)
 
 
 def convergence_csv(study: Study) -> str:
     """Write the convergence of the whole picture: samples per pixel, seconds, relative error with its interval."""
     rows = ([point.spp, point.seconds, *point.error] for point in study.prediction.points)
-    return _table(("spp", "seconds", "error", "error_low", "error_high"), rows)
+    return csv_text(("spp", "seconds", "error", "error_low", "error_high"), rows)

@@ -1,29 +1,20 @@
 """Measurement of a scene's variants against the scene, in rounds."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.analysis.cost.bench import Purpose, Subject, seeds
-from raytracer.analysis.cost.compare import (
-    Baseline,
-    VariantNames,
-    baseline_result,
-    noise_floor,
-    rays_per_sample,
-    variant_result,
-)
-from raytracer.analysis.cost.measure_scene import SceneMeasurement, WarmScene
-from raytracer.analysis.cost.phase_timer import StudyTimer
+from raytracer.analysis.cost.bench import Purpose, StudyTimer, Subject, seeds
+from raytracer.analysis.cost.compare import Baseline, baseline_result, noise_floor, variant_result
+from raytracer.analysis.cost.measure_scene import Replicates, WarmScene
 from raytracer.analysis.cost.predict import PictureCost
 from raytracer.analysis.cost.results import Prediction, VariantResult
 from raytracer.analysis.cost.rounds import Rounds, VariantRun, prepare_variant, render_rounds
 from raytracer.analysis.cost.study_options import StudySettings
-from raytracer.analysis.cost.tile_sample import choose_subset
+from raytracer.analysis.cost.tile_sample import choose_subset, round_workload
 from raytracer.analysis.cost.variant import Variant
-from raytracer.analysis.cost.workload import round_workload
-from raytracer.core.error_estimate.rates import ConvergenceRate
 from raytracer.film.window import Window
 from raytracer.scene.scene_assets import SceneAssets
 from raytracer.util.errors import InputError
@@ -33,8 +24,6 @@ COMPARISON_SECONDS = 120.0
 
 # Rounds from which noise can be estimated at all, of a comparison that is ended early.
 _FEWEST_FINISHED = 2
-
-_SCENE = VariantNames("scene", "scene", "the scene as it is")
 
 
 class ComparisonOutcome(NamedTuple):
@@ -53,7 +42,7 @@ class ComparisonOutcome(NamedTuple):
 
 def measure_variants(
     warm: WarmScene,
-    measurement: SceneMeasurement,
+    measured: Replicates,
     prediction: Prediction,
     picture: PictureCost,
     variants: Sequence[Variant],
@@ -63,7 +52,7 @@ def measure_variants(
     """Measure the scene and its variants against each other; an interrupt ends it early."""
     if not variants:
         return ComparisonOutcome()
-    tiles = measurement.replicates.tiles
+    tiles = measured.tiles
     turns = settings.rounds * (len(variants) + 1)
     workload = round_workload(tiles.windows, COMPARISON_SECONDS / turns, warm.pace, settings.tiles, turns)
     sample, pixels = choose_subset(tiles, workload.tiles, np.random.default_rng(settings.seed))
@@ -84,17 +73,24 @@ def measure_variants(
     basis = Baseline(
         scene=scene,
         tiles=sample,
-        weight=measurement.weight[pixels],
+        weight=measured.weight(measured.levels[-1])[pixels],
         prediction=prediction,
-        rate=ConvergenceRate(prediction.linear, prediction.steep, prediction.early),
         picture=picture,
-        rays=rays_per_sample(measurement.replicates, picture),
+        rays=_rays_per_sample(measured, picture),
         seed=settings.seed,
     )
     rows = _rows(basis, variants, subjects, others)
     bad = sum(rounds.bad for rounds in all_rounds)
     completed = len(scene.mean)
-    return ComparisonOutcome((baseline_result(basis, _SCENE), *rows), completed, bad, completed < settings.rounds)
+    return ComparisonOutcome((baseline_result(basis), *rows), completed, bad, completed < settings.rounds)
+
+
+def _rays_per_sample(measured: Replicates, picture: PictureCost) -> float:
+    """Compute the rays of a sample of a pixel, over the whole picture."""
+    if not math.isnan(picture.rays):
+        return picture.rays / picture.pixels
+    weight, pixels = measured.tiles.weight, measured.tiles.pixels
+    return float((measured.rays.mean(axis=0) * weight).sum() / (pixels * weight).sum())
 
 
 def _prepare_variants(
@@ -137,8 +133,7 @@ def _rows(
     remaining = iter(others)
     floor = noise_floor(basis, others[0])
     for variant, subject in zip(variants, subjects, strict=True):
-        names = VariantNames(variant.name, variant.group, variant.what)
         if isinstance(subject, str):
-            yield VariantResult(*names, failed=subject)
+            yield VariantResult(*variant[:3], failed=subject)
         else:
-            yield variant_result(basis, names, next(remaining), subject.sampler, floor, same_mean=variant.same_mean)
+            yield variant_result(basis, variant, next(remaining), subject.sampler, floor)

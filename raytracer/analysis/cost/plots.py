@@ -5,13 +5,13 @@ Each is made twice, as a file and for the page.
 
 import io
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.cost.results import ConvergencePoint, Prediction, Study
+from raytracer.core.error_estimate.intervals import Interval
 from raytracer.film import srgb
 from raytracer.film.exposure import luminance
 from raytracer.report import wording
@@ -55,13 +55,6 @@ _MAX_EXTRAPOLATION = 1e5
 # ---- Convergence
 
 
-class _Line(NamedTuple):
-    """Points of a curve: seconds for the whole picture, and relative errors."""
-
-    seconds: Array
-    error: Array
-
-
 def _usable(points: tuple[ConvergencePoint, ...]) -> list[ConvergencePoint]:
     return [p for p in points if p.seconds > 0.0 and 0.0 < p.error.value < math.inf and math.isfinite(p.seconds)]
 
@@ -71,16 +64,6 @@ def _time_range_end(predicted: Prediction, points: list[ConvergencePoint]) -> fl
     last = points[-1].seconds
     wanted = [predicted.target_seconds.high, predicted.target_seconds.value, predicted.budget or last]
     return max([last, *(t for t in wanted if math.isfinite(t) and t < _MAX_EXTRAPOLATION * last)])
-
-
-def _fit_curve(predicted: Prediction, points: list[ConvergencePoint], until: float) -> _Line | None:
-    """Sample the fit from the first measurement on; None if it is not known."""
-    per_sample, fixed = predicted.per_sample.value, predicted.fixed.value
-    if not (per_sample > 0.0 and math.isfinite(fixed) and predicted.error(1.0) > 0.0):
-        return None
-    last = max(points[-1].spp, (until - fixed) / per_sample)
-    spp = np.geomspace(points[0].spp, last, 200)
-    return _Line(fixed + per_sample * spp, np.array([predicted.error(n) for n in spp]))
 
 
 def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]) -> list[Curve]:
@@ -93,24 +76,19 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]
     # Draw the two slopes through the last measurement, to compare with.
     guide = np.geomspace(seconds[0], until, 2)
     for slope, dashes, words in ((-0.5, (6, 3), "slope -1/2: independent samples"), (-0.75, (2, 2), "slope -3/4")):
-        axes.plot(
-            guide,
-            errors[-1] * (guide / seconds[-1]) ** slope,
-            color=ink(),
-            alpha=0.55,
-            linewidth=1.0,
-            dashes=dashes,
-            label=words,
-        )
+        along = errors[-1] * (guide / seconds[-1]) ** slope
+        axes.plot(guide, along, color=ink(), alpha=0.55, linewidth=1.0, dashes=dashes, label=words)
 
-    # Draw the fit, and the measurements on top of it.
+    # Draw the fit from the first measurement on, if it is known, and the measurements on top of it.
     curves = [Curve("measured", seconds, 100.0 * errors)]
-    line = _fit_curve(predicted, points, until)
-    if line is not None:
-        fit = "fit to what was measured"
-        axes.plot(line.seconds, line.error, color=BLUE, linewidth=2.0, label=fit, gid=series_id(len(curves)))
-        curves.append(Curve(fit, line.seconds, 100.0 * line.error))
-    ends = np.array([_error_bar(p) for p in points]).T
+    per_sample, fixed = predicted.per_sample.value, predicted.fixed.value
+    if per_sample > 0.0 and math.isfinite(fixed) and predicted.error(1.0) > 0.0:
+        fit, last = "fit to what was measured", max(points[-1].spp, (until - fixed) / per_sample)
+        spp = np.geomspace(points[0].spp, last, 200)
+        times, fitted = fixed + per_sample * spp, np.array([predicted.error(n) for n in spp])
+        axes.plot(times, fitted, color=BLUE, linewidth=2.0, label=fit, gid=series_id(len(curves)))
+        curves.append(Curve(fit, times, 100.0 * fitted))
+    ends = np.array([_error_bar(p.error) for p in points]).T
     measured = axes.errorbar(
         seconds, errors, yerr=ends, fmt="o", color=BLUE, capsize=3.0, markersize=6.0, label="measured, 95 % interval"
     )
@@ -125,21 +103,17 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]
         )
 
     # Draw target and budget, and where the fit meets the target.
-    goals: list[tuple[Callable[..., Any], float, str, str, str]] = [
-        (axes.axhline, predicted.target, VERMILLION, "-.", f"target {wording.format_given_percent(predicted.target)}")
-    ]
+    label = f"target {wording.format_given_percent(predicted.target)}"
+    axes.axhline(predicted.target, color=VERMILLION, linewidth=1.5, linestyle="-.", label=label)
     if predicted.budget is not None and predicted.budget > 0.0:
         label = f"budget {wording.format_given_duration(predicted.budget)}"
-        goals.append((axes.axvline, predicted.budget, GREEN, ":", label))
-    for draw, at_value, colour, look, words in goals:
-        draw(at_value, color=colour, linewidth=1.5, linestyle=look, label=words)
+        axes.axvline(predicted.budget, color=GREEN, linewidth=1.5, linestyle=":", label=label)
     at = predicted.target_seconds
     if math.isfinite(at.value) and 0.0 < at.value <= until:
-        known = 0.0 < at.low <= at.value <= at.high < math.inf
         axes.errorbar(
             [at.value],
             [predicted.target],
-            xerr=[[at.value - at.low], [at.high - at.value]] if known else None,
+            xerr=np.transpose([_error_bar(at)]) if 0.0 < at.low <= at.value <= at.high < math.inf else None,
             fmt="D",
             color=VERMILLION,
             capsize=4.0,
@@ -149,9 +123,9 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]
     return curves
 
 
-def _error_bar(point: ConvergencePoint) -> tuple[float, float]:
+def _error_bar(interval: Interval) -> tuple[float, float]:
     """Return the lengths of an error bar below and above; 0 where its ends are not known."""
-    value, low, high = point.error
+    value, low, high = interval
     if not 0.0 < low <= value <= high < math.inf:
         return 0.0, 0.0
     return value - low, high - value
@@ -233,12 +207,6 @@ def has_error_map(study: Study) -> bool:
     return bool(np.any(np.isfinite(study.error_map) & (study.error_map > 0.0)))
 
 
-def _map_label(study: Study, whole: bool) -> str:
-    points = study.prediction.points
-    at = f" at {points[-1].spp:,} spp" if points else ""
-    return f"relative error of a pixel{at}{'' if whole else '; grey: not measured'}"
-
-
 def _plot_error_map(study: Study, longest: float = 7.0) -> "tuple[Figure, float] | None":
     """Plot the error of each pixel in the style that is set, and return the inches of a pixel; None without an error.
 
@@ -273,7 +241,8 @@ def _plot_error_map(study: Study, longest: float = 7.0) -> "tuple[Figure, float]
     bar.long_axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,), numticks=5))
     bar.long_axis.set_major_formatter(FuncFormatter(lambda value, _: f"{100.0 * value:g} %"))
     bar.long_axis.set_minor_formatter(NullFormatter())
-    bar.set_label(_map_label(study, whole=not np.isnan(error).any()))
+    at = f" at {study.prediction.points[-1].spp:,} spp" if study.prediction.points else ""
+    bar.set_label(f"relative error of a pixel{at}{'; grey: not measured' if np.isnan(error).any() else ''}")
     return figure, scale
 
 

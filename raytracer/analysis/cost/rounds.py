@@ -97,15 +97,8 @@ class Rounds(NamedTuple):
     def workspace(cls, entry: VariantRun, tiles: TileSample, spp: int, rounds: int) -> "Rounds":
         """Allocate the results of rounds that are to be rendered."""
         pictures, by_tile = (rounds, int(tiles.pixels.sum()), 3), (rounds, len(tiles.windows))
-        is_sloped = entry.needs_slope and (spp // _EARLY) % PACKET == 0
-        return cls(
-            spp,
-            np.empty(pictures),
-            np.empty(pictures) if is_sloped else None,
-            np.empty(by_tile),
-            np.empty(by_tile),
-            np.empty(rounds, dtype=np.int64),
-        )
+        early = np.empty(pictures) if entry.needs_slope and (spp // _EARLY) % PACKET == 0 else None
+        return cls(spp, np.empty(pictures), early, np.empty(by_tile), np.empty(by_tile), np.empty(rounds, np.int64))
 
     def first(self, rounds: int) -> "Rounds":
         """Return the first `rounds` of them."""

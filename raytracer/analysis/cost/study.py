@@ -4,27 +4,25 @@ Each step is a function of the results of the steps before.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.cost.bench import MACHINE, Bench, Subject
+from raytracer.analysis.cost.bench import MACHINE, Bench, Progress, StudyTimer, Subject
 from raytracer.analysis.cost.machine import load_average, machine
 from raytracer.analysis.cost.measure_scene import (
-    SceneMeasurement,
-    WarmScene,
+    Replicates,
     assemble_picture,
     measure_scene,
     picture_tiles,
     warm_scene,
 )
 from raytracer.analysis.cost.measure_variants import ComparisonOutcome, measure_variants
-from raytracer.analysis.cost.phase_timer import Progress, StudyTimer
-from raytracer.analysis.cost.plan import plan
-from raytracer.analysis.cost.predict import PictureCost, PredictionGoal, predict
-from raytracer.analysis.cost.results import Prediction, Study
+from raytracer.analysis.cost.predict import PictureCost, predict
+from raytracer.analysis.cost.results import PlanItem, Study
 from raytracer.analysis.cost.study_options import StudyOptions, StudySettings, check_options
 from raytracer.analysis.cost.variant import Variant
 from raytracer.analysis.cost.variants import make_variants, reasons_without_variant, select_variants
@@ -32,7 +30,9 @@ from raytracer.analysis.cost.warnings import STUDY_WARNINGS, StudyConditions
 from raytracer.core.error_estimate.metric import worst_pixel_share
 from raytracer.core.error_estimate.rates import sampler_exponent
 from raytracer.rendering.worker_pool import available_threads
+from raytracer.scene.effects import effects_of
 from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.render_settings import Render
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.warnings import emit_warnings
 
@@ -42,6 +42,19 @@ _DEFAULTS = StudyOptions()
 
 # Below this number of pixels, the worst 0.1 % are less than one.
 _FEWEST_FOR_SHARE = 1000
+
+
+_TRADES: Mapping[str, str] = {
+    "spp": "{} samples per pixel: time grows with them, and noise falls by their root or faster",
+    "max_depth": "at most {} path segments: fewer are faster, and lose the light of longer paths",
+    "sampler": "{}: how evenly samples are spread, which decides how fast noise falls, and takes time",
+    "accuracy": "{}: how exactly hits are found; what is faster may leak light at edges",
+    "light_sampling": "{}: lights are sampled (lights), met by paths (paths) or both (mis); sampling takes shadow "
+    "rays, and saves noise",
+    "seed": "{}: another seed gives other noise, at the same cost",
+    "rr_depth": "Russian roulette after {} segments: sooner is faster, and noisier",
+}
+"""Descriptions of what a setting trades, by its key in the scene."""
 
 
 def study(
@@ -86,36 +99,47 @@ def study(
     with timer.phase("warm up"):
         warm = warm_scene(Subject(prepared, bench, settings.threads), settings.seed)
     with timer.phase("predict") as tick:
-        measurement = measure_scene(warm, settings, tick)
-        picture = assemble_picture(warm, measurement)
+        measured = measure_scene(warm, settings, tick)
+        picture = assemble_picture(warm, measured)
     with timer.phase("develop"):
-        develop_seconds = bench.develop(prepared, np.where(np.isnan(picture), measurement.scale, picture))
-    _split_prepare_phase(seconds, prepared.seconds, develop_seconds)
-    rays = warm.pilot.rays if warm.pilot else math.nan
-    cost = PictureCost(picture.shape[0] * picture.shape[1], rays, settings.threads, _fixed_seconds(seconds))
-    prediction = predict(
-        measurement.replicates,
-        measurement.scale,
-        cost,
-        PredictionGoal(settings.target, settings.budget),
-        sampler_exponent(warm.subject.sampler),
-        settings.seed,
+        develop_seconds = bench.develop(prepared, np.where(np.isnan(picture), measured.scale, picture))
+    # Preparing is told by its parts.
+    del seconds["prepare"]
+    seconds |= {"build": prepared.seconds["build"], "compile": prepared.seconds["compile"], "develop": develop_seconds}
+    cost = PictureCost(
+        pixels=picture.shape[0] * picture.shape[1],
+        rays=warm.pilot.rays if warm.pilot else math.nan,
+        threads=settings.threads,
+        # Compiling is done once for many renders.
+        fixed=sum(seconds[phase] for phase in ("load", "pack", "build", "develop")),
     )
+    steepest = sampler_exponent(warm.subject.sampler)
+    prediction = predict(measured, cost, settings, steepest)
     # Variants of a black picture cannot be compared.
-    variants = variants if measurement.scale > 0.0 else []
-    outcome = measure_variants(warm, measurement, prediction, cost, variants, settings, timer)
-    return Study(
+    variants = variants if measured.scale > 0.0 else []
+    outcome = measure_variants(warm, measured, prediction, cost, variants, settings, timer)
+    height, width, _ = picture.shape
+    result = Study(
         scene=name,
+        width=width,
+        height=height,
         plan=items,
         prediction=prediction,
         variants=outcome.variants,
         seconds=seconds,
         machine=_machine_conditions(outcome, load, settings),
+        warnings=(),
+        tiles=len(warm.windows),
+        tiles_measured=len(measured.tiles.windows),
+        top_share=_top_share(measured),
+        error_map=_error_map(measured, width, height),
         picture=picture,
         interrupted=outcome.interrupted,
         rounds=outcome.rounds,
-        **_describe_measurement(warm, measurement, prediction, outcome, load, settings),
     )
+    bad = measured.bad + outcome.bad
+    conditions = StudyConditions(result, measured.scale, bad, settings.rounds)
+    return replace(result, warnings=tuple(record.text for record in STUDY_WARNINGS.find(conditions)))
 
 
 def _select_variants(packed: PackedScene, settings: StudySettings) -> list[Variant]:
@@ -126,17 +150,6 @@ def _select_variants(packed: PackedScene, settings: StudySettings) -> list[Varia
         return []
     reasons = reasons_without_variant(packed.spec, packed)
     return select_variants(make_variants(packed.spec, packed), settings.variants, reasons)
-
-
-def _split_prepare_phase(seconds: dict[str, float], prepared: dict[str, float], develop: float) -> None:
-    """Replace the time of preparing a scene by those of its parts."""
-    del seconds["prepare"]
-    seconds |= {"build": prepared["build"], "compile": prepared["compile"], "develop": develop}
-
-
-def _fixed_seconds(seconds: dict[str, float]) -> float:
-    """Sum the seconds of a render besides its samples, and besides compiling, which is done once for many."""
-    return sum(seconds[phase] for phase in ("load", "pack", "build", "develop"))
 
 
 def _machine_conditions(outcome: ComparisonOutcome, load: float | None, settings: StudySettings) -> dict[str, Any]:
@@ -153,43 +166,49 @@ def _machine_conditions(outcome: ComparisonOutcome, load: float | None, settings
     }
 
 
-def _describe_measurement(
-    warm: WarmScene,
-    measurement: SceneMeasurement,
-    prediction: Prediction,
-    outcome: ComparisonOutcome,
-    load: float | None,
-    settings: StudySettings,
-) -> dict[str, Any]:
-    """Make the fields of `Study` about the picture, its measured tiles, their errors, and warnings."""
-    replicates = measurement.replicates
-    width, height = warm.subject.prepared.spec.picture()
-    last = replicates.means[replicates.levels[-1]]
+def _top_share(measured: Replicates) -> float:
+    """Compute the share of the squared error in the worst 0.1 % of the pixels; nan if there are too few."""
+    last, tiles = measured.last, measured.tiles
+    if last.shape[1] < _FEWEST_FOR_SHARE:
+        return math.nan
+    return worst_pixel_share(last, measured.weight(measured.levels[-1]), stands=tiles.weight[tiles.owner])
+
+
+def _error_map(measured: Replicates, width: int, height: int) -> Array:
+    """Compute the relative error of each pixel: (height, width), nan where not measured."""
     errors = np.full((height, width), math.nan)
-    replicates.tiles.spread(np.sqrt(np.mean(measurement.weight * last.var(axis=0, ddof=1), axis=1)), errors)
-    share = math.nan
-    if last.shape[1] >= _FEWEST_FOR_SHARE:
-        share = worst_pixel_share(last, measurement.weight, stands=replicates.tiles.weight[replicates.tiles.owner])
-    conditions = StudyConditions(
-        prediction=prediction,
-        tiles=len(warm.windows),
-        tiles_measured=len(replicates.tiles.windows),
-        scale=measurement.scale,
-        top_share=share,
-        bad=replicates.bad + outcome.bad,
-        rounds=outcome.rounds,
-        rounds_asked=settings.rounds,
-        interrupted=outcome.interrupted,
-        load=load,
-        threads=settings.threads,
-        processors=available_threads(),
-    )
-    return {
-        "width": width,
-        "height": height,
-        "warnings": tuple(record.text for record in STUDY_WARNINGS.find(conditions)),
-        "tiles": len(warm.windows),
-        "tiles_measured": len(replicates.tiles.windows),
-        "top_share": share,
-        "error_map": errors,
-    }
+    variance = measured.last.var(axis=0, ddof=1)
+    measured.tiles.spread(np.sqrt(np.mean(measured.weight(measured.levels[-1]) * variance, axis=1)), errors)
+    return errors
+
+
+# ---- Plan
+
+
+def plan(spec: SceneSpec, packed: PackedScene) -> tuple[PlanItem, ...]:
+    """List the effects of a scene, simulated ones first, and its settings; `packed` is what `pack(spec)` gave.
+
+    A simulated effect that has no variant without it says why.
+    """
+    effects, reasons = effects_of(packed.spec, packed.scene), reasons_without_variant(packed.spec, packed)
+    items = [
+        PlanItem("simulated", name, effect.why + (f"; no variant: {reasons[name]}" if name in reasons else ""))
+        for name, effect in effects.items()
+        if effect.active
+    ]
+    items += [PlanItem("left out", name, effect.why) for name, effect in effects.items() if not effect.active]
+    return (*items, *_settings(spec))
+
+
+def _settings(spec: SceneSpec) -> list[PlanItem]:
+    """Describe each setting and what it trades; one without an entry in `_TRADES` by its own description."""
+    items = []
+    for key, field in Render.model_fields.items():
+        value = getattr(spec.render, key)
+        trade = _TRADES[key].format(value) if key in _TRADES else f"{value}: {field.description}"
+        items.append(PlanItem("setting", key, trade))
+    film = spec.film
+    width, height = spec.picture()
+    size = f"{width} x {height} pixels: time grows with their number, noise by pixel does not depend on it"
+    of_filter = f"{film.filter.type}: a wider filter blurs, and what it weighs unevenly is noisier"
+    return [*items, PlanItem("setting", "film", size), PlanItem("setting", "filter", of_filter)]

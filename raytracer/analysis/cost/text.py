@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from raytracer.analysis.cost import formatting
@@ -14,13 +14,16 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+# Columns of the table of variants, in their order.
+_COLUMNS = ("per_sample", "per_ray", "rays_per_sample", "time", "noise", "bias", "target_seconds")
+
 # Terminal columns from which on an interval stands beside its value, and not below it.
 _WIDE = 128
 
 # Terminal columns from which on there is room for one more column of the table.
 _ROOMY = 110
 
-# Columns that the name of an variant has at least, if it takes them.
+# Columns that the name of a variant has at least, if it takes them.
 _NAME = 22
 
 
@@ -60,7 +63,8 @@ def study_text(study: Study, width: int = 100, colour: bool = False) -> str:
             _line(console, rounds)
     if study.variants:
         _variants(console, study)
-    _machine(console, study)
+    _title(console, "Measured")
+    _pairs(console, formatting.machine_rows(study))
     if study.warnings:
         _title(console, "Warnings")
         _pairs(console, [("-", one_line(warning)) for warning in study.warnings], "yellow")
@@ -108,23 +112,20 @@ def _pairs(console: "Console", pairs: Iterable[tuple[str, str]], style: str = ""
 def _prediction(console: "Console", study: Study) -> None:
     from rich.text import Text
 
-    predicted = study.prediction
     _title(console, "Relative error (RMS, of noise) and time of a render of the whole picture")
-    if predicted.points:
+    if study.prediction.points:
         table = _grid(gap=4)
         for _ in range(3):
             table.add_column(justify="right", no_wrap=True)
         table.add_row(*(Text(words, style="dim") for words in ("spp", "time", "error")))
-        for point in predicted.points:
-            table.add_row(
-                f"{point.spp:,}", wording.format_duration(point.seconds), wording.format_percent_interval(point.error)
-            )
+        for row in formatting.point_rows(study.prediction):
+            table.add_row(*row)
         _indented(console, table)
     else:
         _line(console, "  nothing was measured")
 
     _title(console, "Prediction, with 95 % intervals; compiling apart")
-    pairs = formatting.prediction_rows(predicted)
+    pairs = formatting.prediction_rows(study.prediction)
     if not math.isnan(study.top_share):
         pairs.append(("where the error is", formatting.format_concentration(study)))
     _pairs(console, pairs)
@@ -134,40 +135,32 @@ def _variants(console: "Console", study: Study) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    spp = formatting.common_spp(study.variants)
-    notes = formatting.Footnotes()
+    columns, notes = formatting.columns(study), list[str]()
+    columns = {key: columns[key] for key in _COLUMNS if key != "rays_per_sample" or console.width >= _ROOMY}
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim", collapse_padding=True)
     fits = max((len(formatting.display_name(variant)) + 1 for variant in study.variants), default=0) <= _NAME
     table.add_column("variant", vertical="top", overflow="fold", no_wrap=fits, max_width=None if fits else _NAME)
-    table.add_column("time\nper spp", no_wrap=True, justify="right")
-    table.add_column("time\nper ray", no_wrap=True, justify="right")
-    if console.width >= _ROOMY:
-        table.add_column("rays per\nsample", no_wrap=True, justify="right")
-    table.add_column("time against\nthe scene")
-    table.add_column(f"noise at\n{spp:,} spp" if spp else "noise")
-    table.add_column("bias against\nthe scene")
-    table.add_column(f"time to\n{wording.format_given_percent(study.prediction.target)}", justify="right")
+    for key, column in columns.items():
+        table.add_column(
+            column.title,
+            no_wrap=column.is_number and key != "target_seconds",
+            justify="right" if column.is_number else "left",
+        )
     for title, variants in formatting.group_variants(study.variants):
         if title:
             table.add_row(Text(title, style="italic", no_wrap=True))
         for variant in variants:
-            cells = _cells(variant, notes, spp, indent=bool(title))
-            if console.width < _ROOMY:
-                cells = (*cells[:3], *cells[4:])
+            cells = _cells(variant, columns, notes)
             if console.width < _WIDE:
-                cells = (
-                    cells[0],
-                    *(
-                        cell.replace(" (", "\n(").replace(" diff", "\ndiff").replace(" scene", "\nscene")
-                        for cell in cells[1:]
-                    ),
-                )
-            table.add_row(*(Text(cell, overflow="fold") for cell in cells))
+                for before in (" (", " diff", " scene"):
+                    cells = [cell.replace(before, f"\n{before[1:]}") for cell in cells]
+            name = " " * bool(title) + formatting.display_name(variant)
+            table.add_row(*(Text(cell, overflow="fold") for cell in (name, *cells)))
     _indented(console, table, by=0)
 
-    if notes.sentences:
+    if notes:
         console.print()
-        _pairs(console, [(f"[{i + 1}]", sentence) for i, sentence in enumerate(notes.sentences)])
+        _pairs(console, [(f"[{i + 1}]", sentence) for i, sentence in enumerate(notes)])
     meanings = [
         (formatting.display_name(variant), one_line(variant.what))
         for variant in study.variants
@@ -178,28 +171,20 @@ def _variants(console: "Console", study: Study) -> None:
         _pairs(console, meanings)
 
 
-def _cells(variant: VariantResult, notes: formatting.Footnotes, spp: int | None, indent: bool) -> tuple[str, ...]:
-    name = " " * indent + formatting.display_name(variant)
+def _cells(variant: VariantResult, columns: Mapping[str, formatting.Column], notes: list[str]) -> list[str]:
     if variant.failed:
-        return name, "", "", "", f"not measured {notes.mark(variant.failed)}"
-    noise = formatting.format_noise(variant)
-    if spp is None and noise not in {wording.UNKNOWN, formatting.SAME_NOISE}:
-        noise = f"{noise} at {variant.spp:,} spp"
-    return (
-        name,
-        wording.format_duration(variant.per_sample.value),
-        formatting.format_per_ray(variant.per_ray.value),
-        wording.format_number(variant.rays_per_sample),
-        formatting.format_time_ratio(variant),
-        noise,
-        formatting.format_bias(variant),
-        formatting.format_target_cell(variant, notes),
+        return [f"not measured {_mark(variant.failed, notes)}" if key == "time" else "" for key in columns]
+    cells = {key: column.words(variant) for key, column in columns.items()}
+    cells["per_sample"] = wording.format_duration(variant.per_sample.value)
+    cells["target_seconds"] = " ".join(
+        words for words in (cells["target_seconds"], variant.why_blank and _mark(variant.why_blank, notes)) if words
     )
+    return list(cells.values())
 
 
-def _machine(console: "Console", study: Study) -> None:
-    _title(console, "Measured")
-    pairs = formatting.machine_rows(study)
-    if study.seconds:
-        pairs.append(("time spent", formatting.format_phases(study)))
-    _pairs(console, pairs)
+def _mark(sentence: str, notes: list[str]) -> str:
+    """Add a sentence to the footnotes if it is new, and return its number in brackets."""
+    text = one_line(sentence)
+    if text not in notes:
+        notes.append(text)
+    return f"[{notes.index(text) + 1}]"

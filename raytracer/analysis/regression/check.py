@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.compare import TESTS, Verdict, z_test
-from raytracer.analysis.regression.input_digests import changed_inputs, digests
 from raytracer.analysis.regression.reference_file import SUFFIX, Reference, load_reference
 from raytracer.analysis.regression.render_reference import (
     MIN_SPP,
     ReferenceScene,
+    changed_inputs,
+    digests,
     gain_ratio,
     load_recipe_scene,
     measured_gains,
@@ -49,6 +50,8 @@ _POWER = 0.99
 # The test of the means looks at three channels.
 _CHANNELS = 3
 
+# Names of the parts of the z-test in JSON, in the order of `Verdict.p_values`.
+_P_NAMES = ("means", "tiles", "pixels", "exceeding", "patterns", "pattern_tiles", "neighbours", "squares")
 
 _OUTCOMES = {"passed": "passed", "failed": "FAILED", "error": "cannot be checked", "skipped": "left out"}
 
@@ -123,26 +126,17 @@ class CheckResult:
             "seed": self.seed,
             "alpha": self.alpha,
             "seconds": self.seconds,
-            "finds": self.detectable_change if math.isfinite(self.detectable_change) else None,
-            "p": None
-            if verdict is None
-            else {
-                "means": verdict.mean_p,
-                "tiles": verdict.tile_p,
-                "pixels": verdict.pixel_p,
-                "exceeding": verdict.exceeding_p,
-                "patterns": verdict.pattern_p,
-                "pattern_tiles": verdict.pattern_tile_p,
-                "neighbours": verdict.neighbour_p,
-                "squares": verdict.squares_p,
-            },
+            "finds": _finite(self.detectable_change),
+            "p": verdict and dict(zip(_P_NAMES, verdict.p_values().values(), strict=True)),
             "findings": [] if verdict is None else list(verdict.findings),
-            "would_have_found": None
-            if verdict is None
-            else {
-                name: float(value) if math.isfinite(value) else None for name, value in verdict.limits._asdict().items()
-            },
+            "would_have_found": verdict
+            and {name: _finite(float(value)) for name, value in verdict.limits._asdict().items()},
         }
+
+
+def _finite(value: float) -> float | None:
+    """Return a number that JSON has; None for others."""
+    return value if math.isfinite(value) else None
 
 
 def find_references(folder: str | Path, names: Sequence[str] = ()) -> list[Path]:
@@ -211,17 +205,16 @@ def check_reference(
         raise InputError(
             f"a check takes at least {MIN_SPP} samples per pixel, to know its own noise; got {options.spp}"
         )
-    path = Path(path)
-    begin = time.perf_counter()
-    alpha = options.alpha
+    path, alpha, begin = Path(path), options.alpha, time.perf_counter()
     result = CheckResult(path.stem, path, passed=False, reason="", alpha=alpha)
     try:
         reference = load_reference(path)
-        result = replace(result, reference=reference, scene=reference.recipe.scene)
-        if scene is None and reference.recipe.scene is None:
+        recipe = reference.recipe
+        result = replace(result, reference=reference, scene=recipe.scene)
+        if scene is None and recipe.scene is None:
             return replace(result, passed=True, skipped=True, reason="its scene is built by a test, which checks it")
-        scene = load_recipe_scene(reference.recipe, path.parent, allow_files) if scene is None else scene
-        result = replace(result, changes=changed_inputs(reference.recipe.inputs, digests(scene.spec)))
+        scene = load_recipe_scene(recipe, path.parent, allow_files) if scene is None else scene
+        result = replace(result, changes=changed_inputs(recipe.inputs, digests(scene.spec)))
     except InputError as error:
         return replace(result, error=True, reason=str(error))
     height, width, _ = reference.mean.shape
@@ -231,8 +224,8 @@ def check_reference(
         return replace(result, error=True, reason=reason)
 
     # Other random numbers than the reference's: with the same ones no noise would be left to judge by.
-    seed = (reference.recipe.seed + 1) % 2**32 if options.seed is None else options.seed
-    if seed == reference.recipe.seed:
+    seed = (recipe.seed + 1) % 2**32 if options.seed is None else options.seed
+    if seed == recipe.seed:
         raise InputError(f"{path.stem} was rendered with the seed {seed} itself; a check takes another one")
     spp = samples_to_detect(reference, TARGET_CHANGE, alpha) if options.spp is None else options.spp
     result = replace(result, spp=spp, seed=seed, detectable_change=detectable_change(reference, spp, alpha))
@@ -240,37 +233,22 @@ def check_reference(
         rendered = render(scene.spec, spp=spp, seed=seed, threads=threads, cache=cache, progress=progress)
         if rendered.interrupted:
             raise KeyboardInterrupt
-        image = _with_gains_of(reference, scene, rendered.image)
+        image = rendered.image
+        gain = gain_ratio(recipe.gains, measured_gains(scene.spec, image))
+        image = replace(image, radiance=gain * image.radiance, variance=gain**2 * require_variance(image))
     except InputError as error:
         return replace(result, error=True, reason=str(error), seconds=time.perf_counter() - begin)
 
     verdict = z_test(
-        image.radiance,
-        image.variance,
-        reference.mean,
-        reference.variance,
-        TILE,
-        alpha,
-        ratio=reference.recipe.spp / spp,
+        image.radiance, image.variance, reference.mean, reference.variance, TILE, alpha, ratio=recipe.spp / spp
     )
     passed, reason = verdict.passed, verdict.reason
     dropped = rendered.stats.nan_samples
-    if passed and dropped and not reference.recipe.dropped:
+    if passed and dropped and not recipe.dropped:
         passed = False
         reason = f"{dropped} sample{' is' if dropped == 1 else 's are'} not finite, as none of the reference is"
     seconds = time.perf_counter() - begin
     return replace(result, passed=passed, reason=reason, seconds=seconds, image=image, verdict=verdict)
-
-
-def _with_gains_of(reference: Reference, scene: ReferenceScene, image: Image) -> Image:
-    """Bring an image to the measured gains of a reference.
-
-    Raises
-    ------
-    InputError : its variance is not known.
-    """
-    ratio = gain_ratio(reference.recipe.gains, measured_gains(scene.spec, image))
-    return replace(image, radiance=ratio * image.radiance, variance=ratio**2 * require_variance(image))
 
 
 # ---- Detectable changes
@@ -311,6 +289,4 @@ def samples_to_detect(reference: Reference, change: float = TARGET_CHANGE, alpha
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.where(variance == 0.0, 0.0, np.where(left > 0.0, reference_spp * variance / left, np.inf))
     needed = np.where(mean != 0.0, needed, np.inf)
-    return int(
-        min(max(math.ceil(min(float(needed.min()), reference_spp)), MIN_CHECK_SPP), max(reference_spp, MIN_CHECK_SPP))
-    )
+    return max(math.ceil(min(float(needed.min()), reference_spp)), MIN_CHECK_SPP)

@@ -126,17 +126,17 @@ class Regression:
         from raytracer.analysis.regression.render_reference import WIDTH, prepare_reference_scene
         from raytracer.util.errors import InputError, format_value
 
-        folder = path.parent
-        if not path.exists():
-            to_render = prepare_reference_scene(scene, folder, overrides, WIDTH if width is None else width)
-            return to_render, f"there is no reference {path}"
-        try:
-            reference = load_reference(path)
-        except InputError as error:
-            return prepare_reference_scene(scene, folder, overrides, WIDTH if width is None else width), str(error)
-        to_render = prepare_reference_scene(
-            scene, folder, overrides, reference.mean.shape[1] if width is None else width
-        )
+        reference, obstacle = None, f"there is no reference {path}"
+        if path.exists():
+            try:
+                reference = load_reference(path)
+            except InputError as error:
+                obstacle = str(error)
+        if width is None:
+            width = WIDTH if reference is None else reference.mean.shape[1]
+        to_render = prepare_reference_scene(scene, path.parent, overrides, width)
+        if reference is None:
+            return to_render, obstacle
         if to_render.scene != reference.recipe.scene:
             return to_render, f"{path} is the reference of {reference.recipe.scene or 'a scene that was built in code'}"
         overrides_then = reference.recipe.overrides

@@ -7,12 +7,12 @@ string.  No part of it is pickled, so that it is safe to read references of othe
 import io
 import json
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, TypeAdapter
 
 from raytracer.util.atomic_write import write_bytes
 from raytracer.util.errors import InputError
@@ -26,10 +26,6 @@ MAX_WIDTH = 128
 _LARGEST_FILE = 1 << 26
 """Most bytes of a reference, and of each of its arrays: far more than pictures of that width have."""
 
-_ABSENT = "no such file"
-
-_INT32_MAX, _UINT32_MAX = 2**31 - 1, 2**32 - 1
-
 
 class Recipe(NamedTuple):
     """Recipe of a reference: what it was rendered from.
@@ -38,7 +34,7 @@ class Recipe(NamedTuple):
     overrides : values by dotted path that stand in place of the scene's, those for its size and sampler among them.
     spp, seed : samples per pixel, and the seed of all random numbers.
     version : of rt.
-    inputs : digests of the inputs by name: see `input_digests.digests`.
+    inputs : digests of the inputs by name: see `render_reference.digests`.
     dropped : samples that were left out since they were not finite.
     gains : (3,), factors of the channels that were measured on the picture itself (`exposure: auto`,
         `white_balance: auto`); None without such.
@@ -46,8 +42,8 @@ class Recipe(NamedTuple):
 
     scene: str | None
     overrides: dict[str, Any]
-    spp: int
-    seed: int
+    spp: Annotated[int, Field(ge=1, le=2**31 - 1)]
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1)]
     version: str
     inputs: dict[str, str]
     dropped: int = 0
@@ -96,13 +92,14 @@ def load_reference(path: str | Path) -> Reference:
             # A signalling nan becomes a quiet one, of which is told below.
             with np.errstate(invalid="ignore"):
                 mean, variance = (parse_npy(_member(file, name)).astype(np.float64) for name in ("mean", "variance"))
-            recipe = _recipe(json.loads(_text(_member(file, "settings"))))
+            settings = json.loads(_text(_member(file, "settings")))
+            recipe = TypeAdapter(Recipe).validate_python({name: settings[name] for name in Recipe._fields})
         if mean.ndim != 3 or mean.shape[2] != 3 or mean.shape != variance.shape or mean.size == 0:
             raise ValueError("not an image and its variance")
         if not np.all(np.isfinite(variance) & (variance >= 0.0)):
             raise ValueError("a variance that is negative or not finite")
     except FileNotFoundError as error:
-        raise InputError(f"{path}: {_ABSENT}") from error
+        raise InputError(f"{path}: no such file") from error
     except Exception as error:
         # A broken file can raise nearly anything.
         raise InputError(f"{path}: broken, or not a reference image of `rt reference`") from error
@@ -131,32 +128,3 @@ def _text(data: bytes) -> str:
     if shape != () or dtype.kind != "U":
         raise ValueError("settings that are not a string")
     return str(np.frombuffer(data, dtype, 1, file.tell())[0])
-
-
-def _recipe(settings: Mapping[str, Any]) -> Recipe:
-    """Make the recipe from parsed JSON, with each value of its type.
-
-    Raises
-    ------
-    ValueError, TypeError, KeyError : one is not.
-    """
-    scene, gains = settings["scene"], settings["gains"]
-    if not (scene is None or isinstance(scene, str)):
-        raise TypeError("the name of a scene is a string")
-    return Recipe(
-        scene=scene,
-        overrides=dict(settings["overrides"]),
-        spp=_integer(settings["spp"], 1, _INT32_MAX),
-        seed=_integer(settings["seed"], 0, _UINT32_MAX),
-        version=str(settings["version"]),
-        inputs={str(name): str(digest) for name, digest in settings["inputs"].items()},
-        dropped=int(settings["dropped"]),
-        gains=None if gains is None else (float(gains[0]), float(gains[1]), float(gains[2])),
-    )
-
-
-def _integer(value: Any, least: int, most: int) -> int:
-    number = int(value)
-    if not least <= number <= most:
-        raise ValueError(f"{number} is not in {least}..{most}")
-    return number

@@ -1,5 +1,7 @@
-"""Rendering of references: small pictures of many independent samples."""
+"""Rendering of references: small pictures of many independent samples, and digests of what they are rendered from."""
 
+import hashlib
+import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -9,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer import __version__
-from raytracer.analysis.regression.input_digests import digests
 from raytracer.analysis.regression.reference_file import MAX_WIDTH, Recipe, Reference
 from raytracer.film.image import Image
 from raytracer.film.white_balance import AUTO
+from raytracer.optics.to_yaml import spec_to_plain
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import render
-from raytracer.scene.files import check_names_allowed
+from raytracer.scene.files import check_names_allowed, input_files
 from raytracer.scene.load import load
 from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.spec import SceneSpec
@@ -34,6 +36,12 @@ MIN_SPP = 16
 
 _INDEPENDENT = {"render.sampler": "independent"}
 """Overrides for independent samples, whose variance is that of the picture; stratified ones have less noise."""
+
+
+SCENE = "the scene"
+"""Name of the scene itself in `digests`."""
+
+_DIGITS = 16
 
 
 class ReferenceScene(NamedTuple):
@@ -195,3 +203,29 @@ def gain_ratio(
     The noise of metering is common to all pixels, and in no pixel's variance.
     """
     return np.ones(3) if reference is None or measured is None else np.array(reference) / np.array(measured)
+
+
+# ---- Digests
+
+
+def digests(spec: SceneSpec) -> dict[str, str]:
+    """Compute digests of the scene's values, however its file is written, and of each of its files, by name.
+
+    Raises
+    ------
+    InputError : a file cannot be read.
+    """
+    text = json.dumps(spec_to_plain(spec), sort_keys=True, default=str)
+    by_name = {SCENE: _digest(text.encode())}
+    for file in input_files(spec):
+        by_name[file.name] = _digest(file.path.read_bytes())
+    return by_name
+
+
+def changed_inputs(before: Mapping[str, str], after: Mapping[str, str]) -> tuple[str, ...]:
+    """List names whose digests differ, or that only one of the two has."""
+    return tuple(name for name in dict.fromkeys([*before, *after]) if before.get(name) != after.get(name))
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:_DIGITS]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer import __version__
+from raytracer.analysis.compare.difference_image import colour_scale, largest_channel
 from raytracer.analysis.regression.check import TILE, CheckResult
-from raytracer.analysis.regression.reference_file import Reference
 from raytracer.film import srgb
 from raytracer.film.exposure import luminance
 from raytracer.film.image import Image
@@ -20,9 +20,6 @@ _Z_SCALE = 6.0
 """Standard deviations at the strongest colour; noise exceeds them in one pixel of 5e8."""
 
 _LEGEND = 129
-
-# Part of the pixels within the scale of colours.
-_MOST = 0.99
 
 # Part of the pixels that should not be clipped, and the range of their maximum within which a picture stays as it is.
 _BRIGHT_PART = 0.98
@@ -59,7 +56,8 @@ def _result_data(result: CheckResult) -> dict[str, Any]:
 
     factor = _brightness(reference.mean) if image.tone_curve is None and "exposure_gain" not in image.settings else 1.0
     difference = luminance(image.radiance - reference.mean)
-    scale = _scale(difference)
+    # Few pixels differ by more, as lamps do by their noise.
+    scale = colour_scale(np.abs(difference)) or 1.0
     shown |= {
         "brightness": factor,
         "means": {
@@ -69,25 +67,14 @@ def _result_data(result: CheckResult) -> dict[str, Any]:
         },
         "difference_scale": scale,
         "pictures": {
-            "reference": _png(reference, image, factor),
+            "reference": html.png(_display(reference.mean, image, factor)),
             "picture": html.png(_display(image.radiance, image, factor)),
             "difference": html.png(signed(difference, scale)),
-            "pixels": html.png(signed(_largest_channel(verdict.pixel_z), _Z_SCALE)),
-            "tiles": html.png(signed(_expand_tiles(_largest_channel(verdict.tile_z), height, width), _Z_SCALE)),
+            "pixels": html.png(signed(largest_channel(verdict.pixel_z), _Z_SCALE)),
+            "tiles": html.png(signed(_expand_tiles(largest_channel(verdict.tile_z), height, width), _Z_SCALE)),
         },
     }
     return shown
-
-
-def _scale(difference: NDArray[np.float64]) -> float:
-    """Return the value at the strongest colour: few pixels differ by more, as lamps do by their noise."""
-    finite = np.abs(difference[np.isfinite(difference)])
-    most = [float(np.quantile(finite, part)) for part in (_MOST, 1.0)] if finite.size else []
-    return next((value for value in most if value > 0.0), 1.0)
-
-
-def _png(reference: Reference, image: Image, factor: float) -> str:
-    return html.png(_display(reference.mean, image, factor))
 
 
 def _display(values: NDArray[np.float64], image: Image, factor: float) -> NDArray[np.uint8]:
@@ -102,11 +89,6 @@ def _brightness(values: NDArray[np.float64]) -> float:
     if not math.isfinite(bright) or bright <= 0.0 or _DARK <= bright <= _LIGHT:
         return 1.0
     return 2.0 ** -round(math.log2(bright))
-
-
-def _largest_channel(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the channel that is farthest from 0, of (..., 3): (...)."""
-    return np.take_along_axis(z, np.argmax(np.abs(z), axis=-1)[..., None], axis=-1)[..., 0]
 
 
 def _expand_tiles(tiles: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:

@@ -6,24 +6,21 @@ the first is run through backwards.  Zipped axes change together.
 
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytracer.analysis.sweep.contact_sheet import fit_image
-from raytracer.analysis.sweep.results import Sweep
-from raytracer.analysis.sweep.sliders import Images, Slider, sliders
+from raytracer.analysis.sweep.results import Images, Slider, Sweep
 from raytracer.film.animation import check, encode
 from raytracer.report.lettering import load_font, truncate_text
 from raytracer.report.palette import INK, PAPER
-from raytracer.util.atomic_write import write_bytes
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     import PIL.Image
 
-__all__ = ["FPS", "STEM", "check", "encode_animation", "gray_code_indices", "write_animation"]
+__all__ = ["FPS", "STEM", "check", "encode_animation", "gray_code_indices"]
 
 STEM = "sweep"
 FPS = 5.0
@@ -35,24 +32,14 @@ _LARGEST = (960, 720)
 _MOST_PIXELS = 100e6
 
 
-def encode_animation(
-    sweep: Sweep,
-    images: Images,
-    kind: str,
-    *,
-    fps: float = FPS,
-    boomerang: bool = True,
-) -> bytes:
-    """Encode the animation as a GIF, a WebP or an animated PNG, which runs for ever.
+def encode_animation(sweep: Sweep, images: Images, kind: str, *, fps: float = FPS) -> bytes:
+    """Encode the animation as a GIF, a WebP or an animated PNG, which runs for ever, forwards and back.
 
     Points without a picture are left out.  Frames are at most 960 x 720 without their captions, and 100 million pixels
     together.  A GIF has 256 colours, the same in all frames, and steps of 1/100 s; a WebP's quality is 90; a PNG has
     all pixels as they are.
 
-    Parameters
-    ----------
     fps : frames a second, at most 50.
-    boomerang : True to go back from the last frame to the first, rather than start anew.
 
     Raises
     ------
@@ -62,34 +49,7 @@ def encode_animation(
     frames = list(_frames(sweep, images))
     if not frames:
         raise InputError("an animation needs a picture, and no point has one")
-    return encode([np.asarray(frame) for frame in frames], kind, fps=fps, boomerang=boomerang)
-
-
-def write_animation(
-    sweep: Sweep,
-    images: Images,
-    kind: str,
-    *,
-    fps: float = FPS,
-    boomerang: bool = True,
-) -> Path:
-    """Write the animation into the sweep's folder, as `sweep.gif`, `sweep.webp` or `sweep.png`; see `encode_animation`.
-
-    Returns
-    -------
-    The file.
-
-    Raises
-    ------
-    InputError : as `encode_animation`.
-    ValueError : the sweep has no folder.
-    OutputError : the file cannot be written.
-    """
-    if sweep.folder is None:
-        raise ValueError("a sweep in memory has no folder for an animation")
-    path = sweep.folder / f"{STEM}.{kind}"
-    write_bytes(path, encode_animation(sweep, images, kind, fps=fps, boomerang=boomerang))
-    return path
+    return encode([np.asarray(frame) for frame in frames], kind, fps=fps, boomerang=True)
 
 
 def gray_code_indices(shape: Sequence[int]) -> Iterator[tuple[int, ...]]:
@@ -111,7 +71,7 @@ def _frames(sweep: Sweep, images: Images) -> Iterator["PIL.Image.Image"]:
     """Draw all images with their captions, each of the first one's size."""
     import PIL.Image
 
-    chosen = sliders(sweep.axes, zipped=sweep.zipped)
+    chosen = sweep.sliders
     by_index = {result.point.index[: len(chosen)]: result for result in sweep.results}
     size = None
     for index in gray_code_indices([len(slider.labels) for slider in chosen]):

@@ -8,18 +8,17 @@ import io
 import math
 from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from raytracer.analysis.sweep.results import PointResult, Sweep
-from raytracer.analysis.sweep.sliders import Images, Slider, scene_title, sliders, sweep_summary
+import numpy as np
+
+from raytracer.analysis.sweep.results import Images, PointResult, Slider, Sweep
 from raytracer.report.lettering import load_font, truncate_text
 from raytracer.report.palette import BAD, FAINT, INK, PAPER, WELL
-from raytracer.util.atomic_write import write_bytes
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import PIL.Image
+    import PIL.ImageDraw
 
 SHEET = "contact_sheet.png"
 
@@ -91,32 +90,13 @@ def contact_sheet(sweep: Sweep, images: Images) -> bytes:
     return buffer.getvalue()
 
 
-def write_sheet(sweep: Sweep, images: Images) -> "Path":
-    """Write the contact sheet into the sweep's folder.
-
-    Returns
-    -------
-    The file.
-
-    Raises
-    ------
-    ValueError : the sweep has no folder.
-    OutputError : the file cannot be written.
-    """
-    if sweep.folder is None:
-        raise ValueError("a sweep in memory has no folder for a contact sheet")
-    path = sweep.folder / SHEET
-    write_bytes(path, contact_sheet(sweep, images))
-    return path
-
-
 def draw_sheet(sweep: Sweep, images: Images) -> "PIL.Image.Image":
     """Draw the contact sheet as an image of Pillow; see `contact_sheet`."""
     import PIL.Image
     import PIL.ImageDraw
 
     # Choose how large everything is.
-    chosen = sliders(sweep.axes, zipped=sweep.zipped)
+    chosen = sweep.sliders
     first = next((picture for picture in map(images, sweep.results) if picture is not None), None)
     height, width = (180, 320) if first is None else first.shape[:2]
     scale = min(1.0, _LARGEST[0] / width, _LARGEST[1] / height)
@@ -137,16 +117,14 @@ def draw_sheet(sweep: Sweep, images: Images) -> "PIL.Image.Image":
 
     # Draw the heading, and the tables one after the other.
     sheet = PIL.Image.new("RGB", total, PAPER)
-    draw = PIL.ImageDraw.Draw(sheet)
+    painter = _Painter(sheet, PIL.ImageDraw.Draw(sheet), sizes)
     line_width = total[0] - 2 * _MARGIN
-    large = round(1.25 * sizes.text)
-    draw.text((_MARGIN, _MARGIN), truncate_text(scene_title(sweep), large, line_width), INK, load_font(large))
-    below = (_MARGIN, _MARGIN + round(1.4 * sizes.line))
-    draw.text(below, truncate_text(sweep_summary(sweep), sizes.text, line_width), FAINT, load_font(sizes.text))
+    painter.text((_MARGIN, _MARGIN), sweep.title, line_width, size=round(1.25 * sizes.text))
+    painter.text((_MARGIN, _MARGIN + round(1.4 * sizes.line)), sweep.summary, line_width, FAINT)
     for number, entry in enumerate(tables):
         down, right = divmod(number, across)
         corner = (_MARGIN + right * (table[0] + _MARGIN), _MARGIN + heading + down * (table[1] + _GAP))
-        _draw_table(sheet, draw, entry, corner, sizes, sweep.results, images)
+        painter.table(entry, corner, sweep.results, images)
     return sheet
 
 
@@ -159,14 +137,10 @@ def _tables(chosen: Sequence[Slider], size: tuple[int, int]) -> list[_Table]:
         return [_Table(rows, captions=[(slider.name, label) for label in slider.labels])]
 
     *others, row, column = chosen
-    tables = []
-    count = len(row.labels) * len(column.labels)
+    tables, count = [], len(row.labels) * len(column.labels)
     for number, labels in enumerate(product(*(other.labels for other in others))):
         start = number * count
-        rows = [
-            list(range(start + down * len(column.labels), start + (down + 1) * len(column.labels)))
-            for down in range(len(row.labels))
-        ]
+        rows = np.arange(start, start + count).reshape(len(row.labels), -1).tolist()
         title = ", ".join(f"{other.name} {label}" for other, label in zip(others, labels, strict=True))
         heads = ([(slider.name, label) for label in slider.labels] for slider in (row, column))
         tables.append(_Table(rows, title, *heads))
@@ -202,70 +176,73 @@ def _columns_for(count: int, size: tuple[int, int]) -> int:
     return min(range(1, count + 1), key=badness)
 
 
-def _draw_table(
-    sheet: "PIL.Image.Image",
-    draw: Any,
-    table: _Table,
-    corner: tuple[int, int],
-    sizes: _Sizes,
-    result: Sequence[PointResult],
-    images: Images,
-) -> None:
-    left, top = corner
-    letters = load_font(sizes.text)
-    if table.title:
-        line_width = sizes.table(table)[0]
-        draw.text((left, top), truncate_text(table.title, sizes.text, line_width), INK, letters)
-    left, top = left + sizes.row_head, top + sizes.title + sizes.column_head
-    step = sizes.slot[0] + _GAP, sizes.slot[1] + _GAP
+class _Painter(NamedTuple):
+    """A sheet that is drawn on, and the sizes of what is on it."""
 
-    # The heads: a name, and below it the value.
-    for column, head in enumerate(table.column_heads):
-        middle = left + column * step[0] + sizes.slot[0] / 2
-        for line, (words, ink) in enumerate(zip(head, (FAINT, INK), strict=True)):
-            above = middle, top - (2 - line) * sizes.line
-            draw.text(above, truncate_text(words, sizes.text, sizes.slot[0]), ink, letters, anchor="ma")
-    for row, head in enumerate(table.row_heads):
-        middle = top + row * step[1] + sizes.slot[1] / 2
-        for line, (words, ink) in enumerate(zip(head, (FAINT, INK), strict=True)):
-            beside = left - 1.5 * _GAP, middle + (line - 1) * sizes.line
-            draw.text(beside, truncate_text(words, sizes.text, sizes.row_head - _GAP), ink, letters, anchor="ra")
+    sheet: "PIL.Image.Image"
+    draw: "PIL.ImageDraw.ImageDraw"
+    sizes: _Sizes
 
-    for row, numbers in enumerate(table.rows):
-        for column, number in enumerate(numbers):
-            x, y = left + column * step[0], top + row * step[1]
-            _draw_picture(sheet, draw, result[number], images, (x, y), sizes)
-            if table.captions:
-                name, value = table.captions[number]
-                whole = f"{name} {value}"
-                words = whole if letters.getlength(whole) <= sizes.slot[0] else value
-                below = x + sizes.slot[0] / 2, y + sizes.picture[1] + 1
-                draw.text(below, truncate_text(words, sizes.text, sizes.slot[0]), INK, letters, anchor="ma")
+    def text(
+        self,
+        place: tuple[float, float],
+        words: str,
+        width: float,
+        ink: str = INK,
+        *,
+        anchor: str | None = None,
+        size: int | None = None,
+    ) -> None:
+        """Write one line of text of at most a width."""
+        size = size or self.sizes.text
+        self.draw.text(place, truncate_text(words, size, width), ink, load_font(size), anchor=anchor)
 
+    def table(self, table: _Table, corner: tuple[int, int], results: Sequence[PointResult], images: Images) -> None:
+        """Draw a table with its heads and captions."""
+        sizes, (left, top) = self.sizes, corner
+        if table.title:
+            self.text((left, top), table.title, sizes.table(table)[0])
+        left, top = left + sizes.row_head, top + sizes.title + sizes.column_head
+        (width, height), step = sizes.slot, (sizes.slot[0] + _GAP, sizes.slot[1] + _GAP)
 
-def _draw_picture(
-    sheet: "PIL.Image.Image",
-    draw: Any,
-    result: PointResult,
-    images: Images,
-    corner: tuple[int, int],
-    sizes: _Sizes,
-) -> None:
-    """Draw an image, or why there is none, into the middle of its slot."""
-    import PIL.Image
+        # The heads: a name, and below it the value.
+        above, beside = top - 2 * sizes.line, left - 1.5 * _GAP
+        heads = [
+            (head, (left + column * step[0] + width / 2, above), width, "ma")
+            for column, head in enumerate(table.column_heads)
+        ] + [
+            (head, (beside, top + row * step[1] + height / 2 - sizes.line), sizes.row_head - _GAP, "ra")
+            for row, head in enumerate(table.row_heads)
+        ]
+        for head, (x, y), room, anchor in heads:
+            self.text((x, y), head[0], room, FAINT, anchor=anchor)
+            self.text((x, y + sizes.line), head[1], room, anchor=anchor)
 
-    x, y = corner[0] + (sizes.slot[0] - sizes.picture[0]) // 2, corner[1]
-    width, height = sizes.picture
-    pixels = images(result)
-    if pixels is None:
-        draw.rectangle((x, y, x + width - 1, y + height - 1), fill=WELL)
-        words = "no picture" if result.status == "done" else result.status
-        middle = x + width / 2, y + height / 2
-        draw.text(middle, truncate_text(words, sizes.text, sizes.slot[0]), BAD, load_font(sizes.text), anchor="mm")
-        return
-    with PIL.Image.fromarray(pixels) as picture:
-        fitting = fit_image(picture, sizes.picture)
-        sheet.paste(fitting, (x + (width - fitting.width) // 2, y + (height - fitting.height) // 2))
+        for row, numbers in enumerate(table.rows):
+            for column, number in enumerate(numbers):
+                x, y = left + column * step[0], top + row * step[1]
+                self._picture(results[number], images, (x, y))
+                if table.captions:
+                    name, value = table.captions[number]
+                    whole = f"{name} {value}"
+                    words = whole if load_font(sizes.text).getlength(whole) <= width else value
+                    self.text((x + width / 2, y + sizes.picture[1] + 1), words, width, anchor="ma")
+
+    def _picture(self, result: PointResult, images: Images, corner: tuple[int, int]) -> None:
+        """Draw an image, or why there is none, into the middle of its slot."""
+        import PIL.Image
+
+        sizes, (width, height) = self.sizes, self.sizes.picture
+        x, y = corner[0] + (sizes.slot[0] - width) // 2, corner[1]
+        pixels = images(result)
+        if pixels is None:
+            self.draw.rectangle((x, y, x + width - 1, y + height - 1), fill=WELL)
+            words = "no picture" if result.status == "done" else result.status
+            self.text((x + width / 2, y + height / 2), words, sizes.slot[0], BAD, anchor="mm")
+            return
+        with PIL.Image.fromarray(pixels) as picture:
+            fitting = fit_image(picture, sizes.picture)
+            self.sheet.paste(fitting, (x + (width - fitting.width) // 2, y + (height - fitting.height) // 2))
 
 
 def fit_image(picture: "PIL.Image.Image", size: tuple[int, int]) -> "PIL.Image.Image":

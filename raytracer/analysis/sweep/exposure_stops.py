@@ -35,26 +35,21 @@ class StopScale(NamedTuple):
 
     def places(self, number: float, parts: int) -> list[Fraction]:
         """List the places (stops from the base) at which a number is engraved, the likeliest first."""
-        places: list[Fraction] = []
-        for part, first, marks in self._series(parts):
-            for i, mark in enumerate(marks):
-                place = Fraction(first + i, part)
-                if float(Fraction(mark)) == number and place not in places:
-                    places.append(place)
-        return places
+        engraved = self._engraved(parts)
+        return list(dict.fromkeys(place for place, mark in engraved if float(Fraction(mark)) == number))
 
     def mark(self, place: Fraction, parts: int) -> str:
         """Return the number that is engraved at so many stops; "" if none is."""
-        for part, first, marks in self._series(parts):
-            i = place * part - first
-            if i.denominator == 1 and 0 <= i < len(marks):
-                return marks[int(i)]
-        return ""
+        return next((mark for there, mark in self._engraved(parts) if there == place), "")
 
-    def _series(self, parts: int) -> list[tuple[int, int, list[str]]]:
-        """List parts, first place and marks of each series, that of `parts` first."""
+    def _engraved(self, parts: int) -> list[tuple[Fraction, str]]:
+        """List places and numbers of each series, that of `parts` first."""
         order = sorted(self.marks, key=lambda part: (part != parts, part))
-        return [(part, self.marks[part][0], self.marks[part][1].split()) for part in order]
+        return [
+            (Fraction(self.marks[part][0] + i, part), mark)
+            for part in order
+            for i, mark in enumerate(self.marks[part][1].split())
+        ]
 
 
 _F_NUMBERS = StopScale(

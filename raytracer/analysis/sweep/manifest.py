@@ -7,22 +7,21 @@ A record holds digests of the input of a point and of its files, so that the nex
 ended at any moment.
 """
 
-import csv
 import hashlib
-import io
 import json
-import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 from pydantic import TypeAdapter
 
 from raytracer import __version__
 from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
+from raytracer.report.page import to_plain
+from raytracer.report.table import csv_text
 from raytracer.util.atomic_write import write_bytes
 from raytracer.util.errors import OutputError
 from raytracer.util.safe_open import open_regular, read_regular
@@ -36,25 +35,13 @@ CSV = "manifest.csv"
 _LARGEST_RECORD = 1 << 24
 """Most bytes of a record, which has two thousand of them and a sentence for each warning."""
 
-_INFINITE = {"inf": math.inf, "-inf": -math.inf}
-
-
-def to_plain(value: Any) -> Any:
-    """Convert a value to strings, numbers, lists and dicts, as JSON has them."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): to_plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [to_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    return value
+# Fields of a result but its point.
+_FIELDS = [f.name for f in fields(PointResult) if f.name != "point"]
 
 
 def _result_fields(result: PointResult) -> dict[str, Any]:
     """Return the fields of a result but its point."""
-    return {f.name: to_plain(getattr(result, f.name)) for f in fields(PointResult) if f.name != "point"}
+    return {name: to_plain(getattr(result, name)) for name in _FIELDS}
 
 
 # ---- Manifests
@@ -86,14 +73,12 @@ def to_csv(sweep: Sweep) -> str:
 
     Columns named after a key of the scene hold the values of axes; `f_number`, `hfov_deg` etc. are the camera's.
     """
-    camera = _names(result.camera for result in sweep.results)
-    exposure = _names(result.exposure for result in sweep.results)
+    camera = dict.fromkeys(name for result in sweep.results for name in result.camera)
+    exposure = dict.fromkeys(name for result in sweep.results for name in result.exposure)
     header = ["name", *(axis.key for axis in sweep.axes), "status", "file", "seconds", "render_seconds", "samples"]
     header += ["relative_error", "relative_error_low", "relative_error_high", "nan_samples"]
-    header += camera + [f"exposure.{name}" for name in exposure] + ["reason"]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
+    header += [*camera, *(f"exposure.{name}" for name in exposure), "reason"]
+    rows = []
     for result in sweep.results:
         is_done = result.status == "done"
         row = [result.point.name, *(result.point.values[axis.key] for axis in sweep.axes), result.status]
@@ -102,21 +87,8 @@ def to_csv(sweep: Sweep) -> str:
         row += [result.error.get(name) for name in ("relative", "low", "high")]
         row += [result.nan_samples if is_done else None]
         row += [result.camera.get(name) for name in camera] + [result.exposure.get(name) for name in exposure]
-        writer.writerow([_cell(value) for value in [*row, result.reason]])
-    return text.getvalue()
-
-
-def _names(dicts: Iterable[Mapping[str, float]]) -> list[str]:
-    """List the names of all, each once, in the order of their first appearance."""
-    return list(dict.fromkeys(name for numbers in dicts for name in numbers))
-
-
-def _cell(value: Any) -> Any:
-    if value is None:
-        return ""
-    if isinstance(value, float):
-        return repr(value)
-    return json.dumps(to_plain(value)) if isinstance(value, (list, tuple, Mapping)) else value
+        rows.append(to_plain([*row, result.reason]))
+    return csv_text(header, rows)
 
 
 def write_manifest(sweep: Sweep, folder: Path) -> None:
@@ -158,24 +130,17 @@ def load_record(point: SweepPoint, files: Sequence[str], folder: Path) -> PointR
         is_same = record["digest"] == point.digest and record["status"] == "done"
         if not is_same or any(_hash(folder / name) != record["sha256"][name] for name in files):
             return None
-        known = {name: kind.validate_python(_read(record[name])) for name, kind in _validators().items()}
-        return PointResult(point=point, **{**known, "files": tuple(files)})
+        known = {name: record[name] for name in _FIELDS}
+        return _validator().validate_python({**known, "point": point, "files": tuple(files)})
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         # It is missing or broken: the point is rendered again.
         return None
 
 
 @cache
-def _validators() -> Mapping[str, TypeAdapter[Any]]:
-    """Return a validator for each field of a result, by its name."""
-    hints = get_type_hints(PointResult)
-    return {f.name: TypeAdapter(hints[f.name]) for f in fields(PointResult) if f.name != "point"}
-
-
-def _read(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _INFINITE.get(item, item) if isinstance(item, str) else item for key, item in value.items()}
-    return value
+def _validator() -> TypeAdapter[PointResult]:
+    """Return what converts the values of JSON to those of a result: "inf" is a number."""
+    return TypeAdapter(PointResult)
 
 
 def _hash(path: Path) -> str | None:

@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.sweep.animation import STEM, write_animation
-from raytracer.analysis.sweep.contact_sheet import SHEET, write_sheet
+from raytracer.analysis.sweep.animation import STEM, encode_animation
+from raytracer.analysis.sweep.contact_sheet import SHEET, contact_sheet
 from raytracer.analysis.sweep.manifest import CSV, JSON, RECORDS, write_manifest
-from raytracer.analysis.sweep.page import PAGE, write_page
-from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
+from raytracer.analysis.sweep.page import PAGE, page
+from raytracer.analysis.sweep.results import Images, PointResult, Sweep, SweepPoint
 from raytracer.film.formats.registry import animation_suffixes, image_formats, image_suffixes
-from raytracer.util.atomic_write import check_file
+from raytracer.util.atomic_write import check_file, write_bytes
 from raytracer.util.errors import InputError
 
 
@@ -71,13 +71,15 @@ class OutputLayout(NamedTuple):
         """Make functions that write the files of the sweep as a whole, by name; each may raise an OutputError."""
         tasks: dict[str, Callable[[], object]] = {JSON: partial(write_manifest, sweep, self.folder)}
         if any(result.status == "done" for result in sweep.results):
-            tasks |= {
-                SHEET: partial(write_sheet, sweep, self.display_image),
-                PAGE: partial(write_page, sweep, self.display_image),
-            }
+            encoders: dict[str, Callable[[Sweep, Images], bytes]] = {SHEET: contact_sheet, PAGE: page}
             for kind in self.animate:
-                tasks[f"{STEM}.{kind}"] = partial(write_animation, sweep, self.display_image, kind, fps=self.fps)
+                encoders[f"{STEM}.{kind}"] = partial(encode_animation, kind=kind, fps=self.fps)
+            for name, encode in encoders.items():
+                tasks[name] = partial(self._write, name, encode, sweep)
         return tasks
+
+    def _write(self, name: str, encode: Callable[[Sweep, Images], bytes], sweep: Sweep) -> None:
+        write_bytes(self.folder / name, encode(sweep, self.display_image))
 
     def display_image(self, result: PointResult) -> NDArray[np.uint8] | None:
         """Read a point's image, uint8 (height, width, 3), from its file for display; None if that is gone."""

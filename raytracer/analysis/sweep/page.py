@@ -5,19 +5,16 @@ import os
 import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.sweep.contact_sheet import SHEET
 from raytracer.analysis.sweep.manifest import CSV, JSON
-from raytracer.analysis.sweep.results import PointResult, Sweep
-from raytracer.analysis.sweep.sliders import Images, scene_title, short_names, sliders, sweep_summary
+from raytracer.analysis.sweep.results import Images, PointResult, Sweep, short_names
 from raytracer.film.formats.registry import image_formats
 from raytracer.report import page as html
-from raytracer.util.atomic_write import write_bytes
 
 PAGE = "index.html"
 
@@ -66,70 +63,38 @@ def point_numbers(result: PointResult) -> dict[str, float]:
     return values | result.exposure | result.camera | result.exposure
 
 
-class _EmbeddedImage(NamedTuple):
-    """An image as the page holds it.
-
-    picture : its address.
-    thumb : address of its thumbnail; None if the image itself is small.
-    size : width and height (px).
-    """
-
-    picture: str
-    thumb: str | None
-    size: tuple[int, int]
-
-
 def page(sweep: Sweep, images: Images) -> bytes:
     """Render the page as HTML (UTF-8).
 
     Pictures are in it as they are, up to 16 million pixels together; beyond that with the losses of a WebP of quality
     90, and so much smaller that they are at most 400 million.  The page says so.
     """
-    chosen = sliders(sweep.axes, zipped=sweep.zipped)
-    shown, note = _embed_images(sweep, images)
-    size = next((entry.size for entry in shown if entry is not None), (320, 180))
+    sliders = sweep.sliders
+    shown, size, note = _embed_images(sweep, images)
     data = {
-        "scene": scene_title(sweep),
-        "extent": sweep_summary(sweep),
+        "scene": sweep.title,
+        "extent": sweep.summary,
         "notes": [*_notes(sweep), *note],
-        "axes": [slider._asdict() for slider in chosen],
+        "axes": [slider._asdict() for slider in sliders],
         "columns": _columns(sweep.results),
-        "points": [_point(result, entry, len(chosen)) for result, entry in zip(sweep.results, shown, strict=True)],
+        "points": [_point(result, entry, len(sliders)) for result, entry in zip(sweep.results, shown, strict=True)],
         "size": size,
         "files": [] if sweep.folder is None else [CSV, JSON, SHEET],
     }
-    title = f"{scene_title(sweep)}: {', '.join(short_names([axis.key for axis in sweep.axes]))}"
+    title = f"{sweep.title}: {', '.join(short_names([axis.key for axis in sweep.axes]))}"
     return html.page("sweep", title, data, parts=("wipe", "gallery"))
 
 
-def write_page(sweep: Sweep, images: Images) -> Path:
-    """Write the page into the sweep's folder, beside its images.
-
-    Returns
-    -------
-    The file.
-
-    Raises
-    ------
-    ValueError : the sweep has no folder.
-    OutputError : the file cannot be written.
-    """
-    if sweep.folder is None:
-        raise ValueError("a sweep in memory has no folder for a page")
-    path = sweep.folder / PAGE
-    write_bytes(path, page(sweep, images))
-    return path
-
-
-def _point(result: PointResult, shown: _EmbeddedImage | None, axes: int) -> dict[str, Any]:
+def _point(result: PointResult, shown: tuple[str | None, str | None], axes: int) -> dict[str, Any]:
+    picture, thumb = shown
     return {
         "index": result.point.index[:axes],
         "name": result.point.name,
         "status": result.status,
         "reason": result.reason,
         "warnings": result.warnings,
-        "picture": shown and shown.picture,
-        "thumb": shown and shown.thumb,
+        "picture": picture,
+        "thumb": thumb,
         "files": result.files,
         "numbers": point_numbers(result),
     }
@@ -165,31 +130,41 @@ def _notes(sweep: Sweep) -> list[str]:
     return notes
 
 
-def _embed_images(sweep: Sweep, images: Images) -> tuple[list[_EmbeddedImage | None], list[str]]:
-    """Embed the images of the points, and list notes about that."""
+def _embed_images(
+    sweep: Sweep, images: Images
+) -> tuple[list[tuple[str | None, str | None]], tuple[int, int], list[str]]:
+    """Embed the images of the points.
+
+    Returns
+    -------
+    addresses of each image, and of its thumbnail unless it is small itself ; size (px) of the first ; notes.
+    """
     done = [result for result in sweep.results if result.status == "done"]
     first = next((picture for picture in map(images, done) if picture is not None), None)
     if first is None:
-        return [None] * len(sweep.results), []
+        return [(None, None)] * len(sweep.results), (320, 180), []
     pixels = float(first.shape[0] * first.shape[1] * len(done))
     scale = min(1.0, math.sqrt(_MOST_PIXELS / pixels))
     exact = pixels <= _EXACT_PIXELS
+    width = max(1, round(scale * first.shape[1]))
 
-    def shown(result: PointResult) -> _EmbeddedImage | None:
+    def shown(result: PointResult) -> tuple[str | None, str | None]:
         picture = images(result)
         if picture is None:
-            return None
+            return None, None
         if exact:
-            return _EmbeddedImage(_file_uri(sweep, result) or html.webp(picture), _thumb(picture), _size(picture))
+            return _file_uri(sweep, result) or html.webp(picture), _thumb(picture)
         picture = _resize(picture, max(1, round(scale * picture.shape[1])))
-        return _EmbeddedImage(html.webp(picture, _QUALITY), _thumb(picture), _size(picture))
+        return html.webp(picture, _QUALITY), _thumb(picture)
 
     with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as threads:
         entries = list(threads.map(shown, sweep.results))
+    size = width, max(1, round(first.shape[0] * width / first.shape[1]))
     if exact:
-        return entries, []
+        return entries, size, []
     smaller = f"scaled to {100.0 * scale:.0f} % and " if scale < 1.0 else ""
-    return entries, [f"To be held by a browser, the pictures on this page are {smaller}compressed; the files are not."]
+    note = f"To be held by a browser, the pictures on this page are {smaller}compressed; the files are not."
+    return entries, size, [note]
 
 
 def _file_uri(sweep: Sweep, result: PointResult) -> str | None:
@@ -205,10 +180,6 @@ def _thumb(picture: NDArray[np.uint8]) -> str | None:
     if picture.shape[1] <= 1.25 * _THUMB_WIDTH:
         return None
     return html.webp(_resize(picture, _THUMB_WIDTH), _THUMB_QUALITY)
-
-
-def _size(picture: NDArray[np.uint8]) -> tuple[int, int]:
-    return picture.shape[1], picture.shape[0]
 
 
 def _resize(picture: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:

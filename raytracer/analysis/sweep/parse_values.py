@@ -18,7 +18,7 @@ import difflib
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -49,16 +49,9 @@ _END = re.compile(rf"({_NUMBER})(?:\s*/\s*({_NUMBER}))?\s*([^\W\d_/:.]+(?:/[^\W\
 _STARTS_AS_NUMBER = re.compile(r"\s*[-+]?(?:\.?[0-9]|\.?inf\b)")
 _PART = re.compile(r"(.*?)\s*/\s*([0-9]+)\s*")
 
-_DIMENSIONS: Mapping[Dimension, str] = {
-    "length": "m",
-    "angle": "deg",
-    "time": "s",
-    "speed": "m/s",
-    "rate": "deg/s",
-    "frequency": "Hz",
-    "temperature": "K",
-}
-"""Base units of dimensions."""
+# Dimensions whose units the ends of a range may have, and the base unit of each.
+_DIMENSIONS: tuple[Dimension, ...] = ("length", "angle", "time", "speed", "rate", "frequency", "temperature")
+_BASE_UNITS = ("m", "deg", "s", "m/s", "deg/s", "Hz", "K")
 
 
 class _Value(NamedTuple):
@@ -123,12 +116,12 @@ def parse_value(key: str, given: Any, source: str) -> ParsedValues:
         if len(given) > _MOST_VALUES:
             raise ValueError(f"has more than {_MOST_VALUES} values")
         return ParsedValues(_axis(key, [_Value(value, _own_label(value)) for value in given]), fixed=False)
-    return ParsedValues(single_value_axis(key, given), fixed=True)
+    return single_value(key, given)
 
 
-def single_value_axis(key: str, value: Any) -> Axis:
-    """Make an axis of one value, whatever it is."""
-    return _axis(key, [_Value(value, _own_label(value))])
+def single_value(key: str, value: Any) -> ParsedValues:
+    """Make one value, whatever it is, which is the same for all points."""
+    return ParsedValues(_axis(key, [_Value(value, _own_label(value))]), fixed=True)
 
 
 def _split(text: str) -> list[str]:
@@ -155,14 +148,12 @@ def _plain(text: str, source: str) -> _Value:
     """Parse a value that is not a range."""
     root = parse(text, "", option=source)
     value = None if root is None else root.plain()
-    return _Value(value, text if _is_number(value) else _own_label(value))
+    return _Value(value, _own_label(value) or text)
 
 
 def _own_label(value: Any) -> str:
     """Make the label of a value that has none; empty for numbers, whose labels `_axis` makes."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return as_yaml(value)
-    return ""
+    return "" if _is_number(value) else as_yaml(value)
 
 
 def _axis(key: str, values: Sequence[_Value]) -> Axis:
@@ -263,7 +254,7 @@ def _same_unit(start: _End, stop: _End) -> tuple[_End, _End]:
     if not start.unit or not stop.unit:
         unit = start.unit or stop.unit
         return _End(start.number, unit), _End(stop.number, unit)
-    for dimension, unit in _DIMENSIONS.items():
+    for dimension, unit in zip(_DIMENSIONS, _BASE_UNITS, strict=True):
         try:
             numbers = [parse_quantity(f"{float(end.number)!r} {end.unit}", dimension) for end in (start, stop)]
         except ValueError:
@@ -274,19 +265,19 @@ def _same_unit(start: _End, stop: _End) -> tuple[_End, _End]:
     )
 
 
-def _steps(parts: Sequence[str]) -> list[_Value]:
+def _steps(words: Sequence[str]) -> list[_Value]:
     """Compute the values of start:stop:count, or start:stop:count:log."""
-    if len(parts) < 3:
+    if len(words) < 3:
         raise ValueError("is a range without a count: start:stop:count, such as 2:10:5")
-    is_log = len(parts) == 4 and parts[3].strip() == "log"
-    if len(parts) > 3 and not is_log:
+    is_log = len(words) == 4 and words[3].strip() == "log"
+    if len(words) > 3 and not is_log:
         raise ValueError(
-            f"ends in {format_value(':'.join(parts[3:]))}; only 'log' may follow the count, as in 1:100:5:log"
+            f"ends in {format_value(':'.join(words[3:]))}; only 'log' may follow the count, as in 1:100:5:log"
         )
-    start, stop = _same_unit(_end(parts[0]), _end(parts[1]))
-    if not re.fullmatch(r"\s*\+?[0-9]+\s*", parts[2]):
-        raise ValueError(f"has the count {format_value(parts[2].strip())}; it must be an integer")
-    count = int(parts[2])
+    start, stop = _same_unit(_end(words[0]), _end(words[1]))
+    if not re.fullmatch(r"\s*\+?[0-9]+\s*", words[2]):
+        raise ValueError(f"has the count {format_value(words[2].strip())}; it must be an integer")
+    count = int(words[2])
     if count < 1:
         raise ValueError("is an empty range: its count must be at least 1")
     if count > _MOST_VALUES:
@@ -297,25 +288,14 @@ def _steps(parts: Sequence[str]) -> list[_Value]:
         raise ValueError(f"has equal ends, so its {count} values are one")
     if is_log and start.number * stop.number <= 0:
         raise ValueError("is logarithmic, so both of its ends must be greater than 0, or both less")
-    numbers = list(
-        _geometric(start.number, stop.number, count) if is_log else _linear(start.number, stop.number, count)
-    )
-    return _with_unit(numbers, start.unit)
-
-
-def _linear(start: Fraction, stop: Fraction, count: int) -> Iterator[float]:
-    """Yield equal steps of difference, in exact arithmetic, so that 0.1:0.7:7 has 0.3, not 0.30000000000000004."""
-    for i in range(count):
-        yield float(start + (stop - start) * Fraction(i, max(count - 1, 1)))
-
-
-def _geometric(start: Fraction, stop: Fraction, count: int) -> Iterator[float]:
-    """Yield equal steps of ratio."""
-    first, ratio = float(start), float(stop / start)
+    parts = [Fraction(i, max(count - 1, 1)) for i in range(count)]
+    if not is_log:
+        # In exact arithmetic, so that 0.1:0.7:7 has 0.3, not 0.30000000000000004.
+        return _with_unit([float(start.number + (stop.number - start.number) * part) for part in parts], start.unit)
+    first, ratio = float(start.number), float(stop.number / start.number)
     if ratio == 0.0:
         raise OverflowError
-    for i in range(count):
-        yield float(f"{first * ratio ** (i / max(count - 1, 1)):.{_LOG_DIGITS}g}")
+    return _with_unit([float(f"{first * ratio ** float(part):.{_LOG_DIGITS}g}") for part in parts], start.unit)
 
 
 def _with_unit(numbers: Sequence[float], unit: str) -> list[_Value]:

@@ -1,28 +1,56 @@
-"""Preparation of a sweep's points for rendering, where it takes long in a thread of its own."""
+"""Options of a sweep, and preparation of its points for rendering, where it takes long in a thread of its own."""
 
 import math
-from collections.abc import Generator, Iterator, Mapping, Sequence
+import os
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import Any, NamedTuple
 
 from raytracer.analysis.explain.camera_numbers import CameraView, depth_of_field, exposure
-from raytracer.analysis.sweep.options import SweepOptions
-from raytracer.analysis.sweep.results import SweepPoint
+from raytracer.analysis.sweep.animation import FPS
+from raytracer.analysis.sweep.plan import MAX_POINTS
+from raytracer.analysis.sweep.results import PointResult, SweepPoint
 from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.render import prepare_scene
 from raytracer.rendering.tile_scheduler import now
+from raytracer.rendering.worker_pool import ClusterClient
 from raytracer.scene.cache import RenderCache
 from raytracer.scene.digest import digest
 from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.pack.scene import PackedScene
 from raytracer.scene.preview import SPP, preview_scene
 from raytracer.scene.spec import SceneSpec
+from raytracer.util.path_sandbox import AllowFiles
+from raytracer.util.progress import BatchProgress
 
 # Keys of a scene that set the number of samples of an image.
 _SIZE_KEYS = ("film.width", "film.height", "render.spp")
+
+
+@dataclass(frozen=True)
+class SweepOptions(RenderOptions):
+    """Options of `run.sweep`; see there."""
+
+    scene: SceneSpec | str | os.PathLike[str]
+    values: Mapping[str, Any] | None = None
+    _: KW_ONLY
+    folder: str | os.PathLike[str] | None = None
+    allow_files: AllowFiles = ()
+    zipped: bool = False
+    preview: bool = False
+    formats: Sequence[str] = ("png",)
+    animate: Sequence[str] = ()
+    fps: float = FPS
+    max_points: int = MAX_POINTS
+    cluster: ClusterClient | None = None
+    cache: RenderCache | None = None
+    stock: RenderCache | None = None
+    progress: Callable[[BatchProgress], object] | bool | None = None
+    report: Callable[[PointResult], object] | None = None
+    warn: Callable[[str], object] | None = None
 
 
 class PreparedPoint(NamedTuple):
@@ -48,12 +76,7 @@ class PointPreparer:
     """
 
     def __init__(
-        self,
-        spec: SceneSpec,
-        points: Sequence[SweepPoint],
-        options: SweepOptions,
-        *,
-        keeps_files: bool,
+        self, spec: SceneSpec, points: Sequence[SweepPoint], options: SweepOptions, *, keeps_files: bool
     ) -> None:
         self.points = list(points)
         self._spec, self._options, self._keeps_files = spec, options, keeps_files
@@ -121,16 +144,8 @@ class PointPreparer:
 
     def _digest(self, spec: SceneSpec) -> str:
         options = self._render_options(spec)
-        given = {
-            "spp": options.spp,
-            "seed": options.seed,
-            "crop": options.crop,
-            "noise": options.noise,
-            "time_limit": options.time_limit,
-            "aovs": sorted(options.aovs) or None,
-            "denoise": options.denoise or None,
-        }
-        return digest(spec, **given)
+        given = {name: getattr(options, name) for name in ("spp", "seed", "crop", "noise", "time_limit")}
+        return digest(spec, **given, aovs=sorted(options.aovs) or None, denoise=options.denoise or None)
 
     def _render_options(self, spec: SceneSpec) -> RenderOptions:
         """Return the options of the render of a point's scene."""

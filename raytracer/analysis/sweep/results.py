@@ -1,7 +1,7 @@
 """Axes, points and results of a sweep, as plain values."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.report.wording import count
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -79,6 +80,21 @@ class PointResult:
     warnings: tuple[str, ...] = ()
 
 
+Images = Callable[[PointResult], NDArray[np.uint8] | None]
+"""Function that returns the image of a point: uint8 (height, width, 3) in sRGB; None where there is none.
+
+It is called more than once for a point, and from threads.
+"""
+
+
+class Slider(NamedTuple):
+    """A slider that chooses among the values of a key, or of a zipped sweep among those of all keys together."""
+
+    key: str
+    name: str
+    labels: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class Sweep:
     """A sweep, as far as it got.
@@ -117,7 +133,30 @@ class Sweep:
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of values of each axis; of zipped axes, number of points."""
-        return shape_of(self.axes, zipped=self.zipped)
+        lengths = tuple(len(axis.values) for axis in self.axes)
+        return lengths[:1] if self.zipped else lengths
+
+    @property
+    def title(self) -> str:
+        """The scene's file without its folders, which are private."""
+        return Path(self.scene).name
+
+    @property
+    def summary(self) -> str:
+        """The number of points and of values: "35 points: 7 of camera.f_number, 5 of camera.focus_distance"."""
+        points = count(len(self.results), "point")
+        if self.zipped:
+            return f"{points}: {', '.join(axis.key for axis in self.axes)} together"
+        return f"{points}: {', '.join(f'{len(axis.labels)} of {axis.key}' for axis in self.axes)}"
+
+    @property
+    def sliders(self) -> tuple[Slider, ...]:
+        """Sliders whose numbers make a point's index."""
+        names = short_names([axis.key for axis in self.axes])
+        if not self.zipped or len(names) == 1:
+            return tuple(Slider(axis.key, name, axis.labels) for axis, name in zip(self.axes, names, strict=True))
+        together = tuple(", ".join(labels) for labels in zip(*(axis.labels for axis in self.axes), strict=True))
+        return (Slider(",".join(axis.key for axis in self.axes), ", ".join(names), together),)
 
     def __repr__(self) -> str:
         counts = Counter(result.status for result in self.results)
@@ -142,6 +181,14 @@ class Sweep:
         return array.reshape(self.shape)
 
 
-def shape_of(axes: Sequence[Axis], *, zipped: bool) -> tuple[int, ...]:
-    """Return the number of values of each axis; of zipped axes, the number of points."""
-    return (len(axes[0].values),) if zipped else tuple(len(axis.values) for axis in axes)
+def short_names(keys: Sequence[str]) -> list[str]:
+    """Shorten keys to as many of their last parts as tell each from the others: `f_number` for `camera.f_number`."""
+    parts = [key.split(".") for key in keys]
+    names = [".".join(part[-1:]) for part in parts]
+    most = max(map(len, parts), default=1)
+    for length in range(2, most + 1):
+        names = [
+            name if names.count(name) == 1 else ".".join(part[-length:])
+            for name, part in zip(names, parts, strict=True)
+        ]
+    return names

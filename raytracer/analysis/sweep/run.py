@@ -6,20 +6,18 @@ long.  Points share files, meshes and the ray caster's structures (`RenderCache`
 
 import threading
 import warnings
+from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
 from raytracer.analysis.sweep.animation import check as check_animation
 from raytracer.analysis.sweep.manifest import RECORDS, load_record, write_manifest, write_record
-from raytracer.analysis.sweep.options import SweepOptions
 from raytracer.analysis.sweep.output_layout import OutputLayout, normalize_formats
-from raytracer.analysis.sweep.plan import Plan, make_plan
-from raytracer.analysis.sweep.points import enumerate_points
-from raytracer.analysis.sweep.prepare_points import PointPreparer, PreparedPoint, point_weight
-from raytracer.analysis.sweep.report_queue import ReportQueue
+from raytracer.analysis.sweep.plan import Plan, enumerate_points, make_plan
+from raytracer.analysis.sweep.prepare_points import PointPreparer, PreparedPoint, SweepOptions, point_weight
 from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
 from raytracer.film.image import Image
 from raytracer.rendering.checkpoint import CheckpointError, CheckpointWriter, checkpoint_path
@@ -98,6 +96,46 @@ def sweep(options: SweepOptions) -> Sweep:
         return _SweepRun(plan, points, options, layout).run(progress or None, options.report)
 
 
+class _ReportQueue:
+    """Queue that reports points as they are saved, in the order in which they were rendered.
+
+    Failures are held back until there is an image: if all points fail, one error says so.
+
+    report : called with each point.
+    begun : True if images are there already.
+    """
+
+    def __init__(self, report: Callable[[PointResult], object] | None, *, begun: bool) -> None:
+        self._report, self._begun = report, begun
+        self._saved: deque[Future[PointResult]] = deque()
+        self._held: list[PointResult] = []
+
+    def add(self, saved: Future[PointResult]) -> None:
+        """Queue a point that is being saved, once at most one other is."""
+        self._saved.append(saved)
+        self.catch_up(leave=1)
+
+    def catch_up(self, *, leave: int = 0) -> None:
+        """Wait until at most `leave` points are being saved."""
+        while len(self._saved) > leave:
+            result = self._saved.popleft().result()
+            self._held.append(result)
+            self._begun |= result.status == "done"
+            if self._begun:
+                self.flush()
+
+    def flush(self) -> None:
+        """Report all points that are held back."""
+        for result in self._held:
+            self.report_now(result)
+        self._held.clear()
+
+    def report_now(self, result: PointResult) -> None:
+        """Report a point at once."""
+        if self._report is not None:
+            self._report(result)
+
+
 class _SweepRun:
     """A sweep that is under way."""
 
@@ -109,15 +147,10 @@ class _SweepRun:
         self._results: dict[int, PointResult] = {}
         self._images: dict[int, Image] = {}
         self._errors: list[Exception] = []
-        self._reused = 0
         self._warned: set[str] = set()
-        self._cannot_write = False
+        self._reused, self._cannot_write = 0, False
         self._lock = threading.Lock()
         self._weights = [point_weight(point, options) for point in points]
-
-    @property
-    def _points(self) -> list[SweepPoint]:
-        return self._preparer.points
 
     def run(
         self, progress: Callable[[BatchProgress], object] | None, report: Callable[[PointResult], object] | None
@@ -126,7 +159,7 @@ class _SweepRun:
         missing = self._missing_points()
         self._reused = len(self._results)
         interrupted, failure = False, None
-        reports = ReportQueue(report, begun=bool(self._results))
+        reports = _ReportQueue(report, begun=bool(self._results))
         with ThreadPoolExecutor(1, "saver") as saver:
             try:
                 with closing(self._preparer.prepare_all(missing)) as prepared:
@@ -149,9 +182,9 @@ class _SweepRun:
                 reports.catch_up()
                 return self._finish(reports, failure, interrupted=interrupted)
 
-    def _finish(self, reports: ReportQueue, failure: str | None, *, interrupted: bool) -> Sweep:
+    def _finish(self, reports: _ReportQueue, failure: str | None, *, interrupted: bool) -> Sweep:
         """Write the files of the sweep as a whole; `failure` says why a cluster has ended it."""
-        if len(self._errors) == len(self._points):
+        if len(self._errors) == len(self._preparer.points):
             raise self._errors[0]
         reports.flush()
         for number, result in self._results.items():
@@ -171,23 +204,23 @@ class _SweepRun:
     def _missing_points(self) -> list[int]:
         """List the points that are not done, after taking over the results of those that are."""
         if self._layout is None:
-            return list(range(len(self._points)))
+            return list(range(len(self._preparer.points)))
         self._layout.check()
         if (self._layout.folder / RECORDS).is_dir():
-            for number, point in enumerate(self._points):
+            for number, point in enumerate(self._preparer.points):
                 with suppress(Exception):
                     # An error of the point is reported when it is its turn.
                     self._preparer.note_digest(number)
-                    result = load_record(self._points[number], self._layout.files(point), self._layout.folder)
+                    result = load_record(self._preparer.points[number], self._layout.files(point), self._layout.folder)
                     if result is not None:
                         self._results[number] = result
-        return [number for number in range(len(self._points)) if number not in self._results]
+        return [number for number in range(len(self._preparer.points)) if number not in self._results]
 
     # ---- Rendering
 
     def _checkpoint_writer(self, number: int) -> CheckpointWriter | None:
         """Make the writer of checkpoints of a point that takes long; the next sweep resumes from them."""
-        point = self._points[number]
+        point = self._preparer.points[number]
         if self._layout is None or not point.digest:
             return None
         # A point that has changed since is not resumed.
@@ -208,13 +241,13 @@ class _SweepRun:
             return made
         whole = sum(self._weights[i] for i in missing)
         before = sum(self._weights[i] for i in missing if i < number)
-        name = self._points[number].name
+        name = self._preparer.points[number].name
 
         def report_progress(render: Progress) -> None:
             if progress is not None:
                 part = render.done / render.wanted if render.wanted else 1.0
                 share = (before + part * self._weights[number]) / whole
-                progress(BatchProgress(share, len(self._results), len(self._points), name))
+                progress(BatchProgress(share, len(self._results), len(self._preparer.points), name))
 
         try:
             try:
@@ -264,14 +297,10 @@ class _SweepRun:
     def _fail(self, number: int, prepared: PreparedPoint, error: Exception) -> PointResult:
         """Record the failure of a point."""
         self._errors.append(error)
-        result = PointResult(
-            prepared.point,
-            "failed",
-            _error_sentence(error),
-            camera=dict(prepared.camera),
-            warnings=prepared.warnings,
+        reason, camera = _error_sentence(error), dict(prepared.camera)
+        return self._record_result(
+            number, PointResult(prepared.point, "failed", reason, camera=camera, warnings=prepared.warnings)
         )
-        return self._record_result(number, result)
 
     def _record_result(self, number: int, result: PointResult) -> PointResult:
         """Record the result of a point, now and then in the manifest too, if any image is there."""
@@ -296,8 +325,10 @@ class _SweepRun:
     def _sweep(self, *, interrupted: bool = False) -> Sweep:
         with self._lock:
             known = dict(self._results)
-        results = tuple(known.get(i) or PointResult(point, "missing") for i, point in enumerate(self._points))
-        pictures = () if self._layout is not None else tuple(self._images.get(i) for i in range(len(self._points)))
+        results = tuple(known.get(i) or PointResult(point, "missing") for i, point in enumerate(self._preparer.points))
+        pictures = (
+            () if self._layout is not None else tuple(self._images.get(i) for i in range(len(self._preparer.points)))
+        )
         folder = None if self._layout is None else self._layout.folder
         return Sweep(
             self._plan.name, self._plan.axes, self._plan.zipped, results, folder, interrupted, self._reused, pictures

@@ -92,17 +92,17 @@ def _texts(names: Sequence[str], suffix: str) -> Iterator[str]:
 
 def _json(data: Any) -> str:
     """Write JSON in ASCII that may stand in HTML."""
-    return json.dumps(_plain(data), allow_nan=False, separators=(",", ":")).translate(_ESCAPES)
+    return json.dumps(to_plain(data), allow_nan=False, separators=(",", ":")).translate(_ESCAPES)
 
 
-def _plain(value: Any) -> Any:
-    """Convert data to values of JSON."""
+def to_plain(value: Any) -> Any:
+    """Convert data, NumPy's too, to values of JSON; numbers that it cannot hold become strings: "inf", "nan"."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
+        return {str(key): to_plain(entry) for key, entry in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return to_plain(value.tolist())
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
-        return [_plain(entry) for entry in value]
+        return [to_plain(entry) for entry in value]
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value

@@ -11,7 +11,7 @@ import pytest
 
 from raytracer.analysis import compare as comparison
 from raytracer.analysis.compare import compare, encode, show
-from raytracer.analysis.compare.wipe_page import WipePage, pack_halves
+from raytracer.analysis.compare.difference_image import WipePage, pack_halves
 from raytracer.film import srgb
 from raytracer.film.image import Image
 from raytracer.report.colour_maps import false_colour, false_colours, signed, signed_colours
@@ -256,7 +256,7 @@ def test_a_page_of_many_pairs_turns_to_each(tmp_path, open_page):
 
 
 def test_large_images_are_sent_as_a_display_shows_them(monkeypatch, pair):
-    monkeypatch.setattr("raytracer.analysis.compare.wipe_page._LARGEST_LINEAR", HEIGHT * WIDTH - 1)
+    monkeypatch.setattr("raytracer.analysis.compare.difference_image._LARGEST_LINEAR", HEIGHT * WIDTH - 1)
     text = encode(pair, "wipe").decode()
     data = json.loads(re.search(r'id="data">(.*?)</script>', text)[1])
     (sent,) = data["pairs"]

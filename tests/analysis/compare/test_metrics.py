@@ -8,8 +8,8 @@ import pytest
 from skimage import metrics as peer
 
 from raytracer.analysis import compare
+from raytracer.analysis.compare.image_pair import map_row_bands
 from raytracer.analysis.compare.metrics import exposures, flip_package, require_extra, sums
-from raytracer.analysis.compare.row_bands import map_row_bands
 from raytracer.util.errors import InputError
 
 # Higher than a band of rows, and with a last band that is not full.

@@ -11,9 +11,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.ndimage import shift as shifted
 
 from raytracer.analysis.compare import compare, patterns, z_test
-from raytracer.analysis.compare.detection_limits import POWER, symmetric_tail
 from raytracer.analysis.compare.image_pair import make_image_pair
-from raytracer.analysis.compare.patterns import PATTERNS, find_structure
+from raytracer.analysis.compare.patterns import PATTERNS, POWER, find_structure, symmetric_tail
 from raytracer.film.image import Image
 
 HEIGHT, WIDTH = 45, 64

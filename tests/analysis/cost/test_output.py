@@ -66,8 +66,8 @@ def test_kinds_of_a_family_with_one_reason_are_told_together() -> None:
 
 def test_variants_keep_their_order_within_groups() -> None:
     found = [
-        (section.title, [variant.name for variant in section.variants])
-        for section in formatting.group_variants(studies.variants())
+        (title, [variant.name for variant in variants])
+        for title, variants in formatting.group_variants(studies.variants())
     ]
     assert found == [
         ("", ["scene", "A/A"]),
@@ -462,9 +462,8 @@ def test_a_variant_without_bias_by_construction_has_none_in_the_data() -> None:
 
 def test_a_doubt_stands_beside_the_time_that_it_is_about() -> None:
     doubtful = replace(studies.variants()[2], target_seconds=20.0, why_blank="its bias may exceed the target")
-    notes = formatting.Footnotes()
-    assert formatting.format_target_cell(doubtful, notes) == "20.0 s [1]"
-    assert notes.sentences == ["its bias may exceed the target"]
-    assert (
-        "its bias may exceed the target" in page(studies.study(variants=(*studies.variants()[:2], doubtful))).decode()
-    )
+    study = studies.study(variants=(*studies.variants()[:2], doubtful))
+    said = study_text(study, width=160)
+    assert re.search(r"20\.0 s \[1\]$", said, re.MULTILINE)
+    assert "  [1]  its bias may exceed the target\n" in said
+    assert "its bias may exceed the target" in page(study).decode()

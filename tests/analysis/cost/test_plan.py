@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from raytracer.analysis.cost.plan import plan
+from raytracer.analysis.cost.study import plan
 from raytracer.scene.effects import effects_of
 from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from raytracer.analysis.cost import predict as predicting
-from raytracer.analysis.cost.predict import PictureCost, PredictionGoal, predict
-from raytracer.analysis.cost.replicates import Replicates
+from raytracer.analysis.cost.measure_scene import Replicates
+from raytracer.analysis.cost.predict import PictureCost, predict
 from raytracer.analysis.cost.results import Prediction
+from raytracer.analysis.cost.study_options import StudySettings
 from raytracer.analysis.cost.tile_sample import TileSample, choose_tiles
 from raytracer.core.error_estimate.metric import error_weights, mse_by_tile
 from raytracer.film.window import Window
@@ -32,13 +33,13 @@ def replicates(sample: TileSample, rng: np.random.Generator, *, drift: float = 0
         for n in (16, 64, 256)
     }
     busy = 256e-6 * level * np.exp(drift * rng.standard_normal((4, 1)))
-    return Replicates(sample, means, busy, 256.0 * np.tile(level, (4, 1)), 0)
+    return Replicates(sample, means, busy, 256.0 * np.tile(level, (4, 1)), 0, 1.0)
 
 
 def predicted(sample: TileSample, seed: int, *, drift: float = 0.0, known: bool = True) -> Prediction:
     measured = replicates(sample, np.random.default_rng(seed), drift=drift)
     picture = PictureCost(PIXELS, float(PIXELS) if known else math.nan, 2, 0.5)
-    return predict(measured, 1.0, picture, PredictionGoal(0.01, None), 1.0, seed)
+    return predict(measured, picture, StudySettings(threads=2, seed=seed), 1.0)
 
 
 @pytest.fixture(autouse=True)
@@ -104,8 +105,8 @@ def test_what_is_bright_or_dark_by_chance_does_not_mislead() -> None:
     for n in (16, 32, 64, 128, 256):
         found += rng.binomial(n - before, p, size=found.shape)
         means[n], before = found / (p * n), n
-    measured = Replicates(sample, means, np.ones((4, 40)), np.ones((4, 40)), 0)
-    prediction = predict(measured, 1.0, PictureCost(PIXELS, math.nan, 2, 0.0), PredictionGoal(0.01, None), 1.0, 0)
+    measured = Replicates(sample, means, np.ones((4, 40)), np.ones((4, 40)), 0, 1.0)
+    prediction = predict(measured, PictureCost(PIXELS, math.nan, 2, 0.0), StudySettings(threads=2, seed=0), 1.0)
     for point in prediction.points:
         truth = math.sqrt((1.0 - p) / p / point.spp / 1.01)
         assert point.error.value == pytest.approx(truth, rel=0.03)

@@ -7,10 +7,10 @@ import pytest
 
 from raytracer.analysis.cost.bench import Purpose, Subject, seeds
 from raytracer.analysis.cost.compare import NoiseFloor, _differs, is_steady
-from raytracer.analysis.cost.pilot import warm_up
+from raytracer.analysis.cost.measure_scene import warm_up
 from raytracer.analysis.cost.rounds import prepare_variant, shares_accel, variant_order
+from raytracer.analysis.cost.tile_sample import replicate_workload, round_workload, sample_levels
 from raytracer.analysis.cost.variants import make_variants
-from raytracer.analysis.cost.workload import replicate_workload, round_workload, sample_levels
 from raytracer.core.error_estimate.intervals import Interval
 from raytracer.film.window import Window
 from raytracer.rendering.tile_scheduler import split_into_tiles

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.analysis.cost.phase_timer import Progress
+from raytracer.analysis.cost.bench import Progress
 from raytracer.analysis.cost.results import Study, VariantResult
 from raytracer.analysis.cost.study import study
 from raytracer.analysis.cost.study_options import StudyOptions

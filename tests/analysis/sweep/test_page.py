@@ -14,8 +14,7 @@ import pytest
 from raytracer.analysis.sweep.manifest import write_manifest
 from raytracer.analysis.sweep.page import page as page_of
 from raytracer.analysis.sweep.page import point_numbers as numbers_of
-from raytracer.analysis.sweep.page import write_page
-from raytracer.analysis.sweep.points import enumerate_points
+from raytracer.analysis.sweep.plan import enumerate_points
 from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
 from raytracer.analysis.sweep.run import sweep as rendered
 from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up
@@ -28,8 +27,13 @@ AT = "#camera.f_number={}&camera.focus_distance={}"
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
     made = made_up(tmp_path_factory.mktemp("sweep"), failed=((2, 1),), missing=((3, 2),))
-    write_page(made, images)
+    write_page(made)
     return made
+
+
+def write_page(made: Sweep) -> None:
+    """Write the page beside the pictures, as `output_layout` does."""
+    (made.folder / "index.html").write_bytes(page_of(made, images))
 
 
 @pytest.fixture
@@ -280,7 +284,7 @@ def test_names_are_text(open_page: Open, tmp_path: Path) -> None:
     """Whatever a scene calls its parts, and whatever goes wrong, is shown as it is written."""
     made = made_up(tmp_path, (ALBEDO, F_NUMBER, FOCUS), failed=((0, 0, 0),))
     made = dataclasses.replace(made, scene="/home/me/<b>&amp;.yaml")
-    write_page(made, images)
+    write_page(made)
     page = open_page(tmp_path / "index.html")
     assert page.locator("h1").inner_text() == "<b>&amp;.yaml"
     assert page.title() == "<b>&amp;.yaml: albedo, f_number, focus_distance"
@@ -298,7 +302,7 @@ def test_names_are_text(open_page: Open, tmp_path: Path) -> None:
 def test_zipped_axes_have_one_slider(open_page: Open, tmp_path: Path) -> None:
     focus = FOCUS._replace(values=(2.0, 5.0, 10.0, 20.0), labels=("2", "5", "10", "20"))
     made = made_up(tmp_path, (F_NUMBER, focus), zipped=True)
-    write_page(made, images)
+    write_page(made)
     page = open_page(tmp_path / "index.html")
     slider = page.get_by_role("slider", name="point A")
     assert slider.count() == 1
@@ -358,8 +362,3 @@ def test_many_pixels_are_held_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_sweep_without_any_picture_has_a_page() -> None:
     made = made_up(None, (F_NUMBER,), failed=((0,), (1,), (2,), (3,)))
     assert b"4 of 4 points failed." in page_of(made, images)
-
-
-def test_a_sweep_in_memory_has_no_page() -> None:
-    with pytest.raises(ValueError, match="no folder"):
-        write_page(made_up(None), images)

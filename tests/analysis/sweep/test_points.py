@@ -3,7 +3,7 @@
 import pytest
 
 from raytracer.analysis.sweep.parse_values import parse_value_text
-from raytracer.analysis.sweep.points import enumerate_points
+from raytracer.analysis.sweep.plan import enumerate_points
 from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
 from raytracer.util.errors import InputError
 

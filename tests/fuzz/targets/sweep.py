@@ -7,8 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from raytracer.analysis.sweep.plan import make_plan
-from raytracer.analysis.sweep.points import enumerate_points
+from raytracer.analysis.sweep.plan import enumerate_points, make_plan
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from raytracer.analysis.cost.results import Prediction
+from raytracer.analysis.cost.results import Study
 from raytracer.schema.warning_kind import WarningFamily, WarningKind
 
 MIN_ROUNDS = 9
@@ -13,28 +13,18 @@ MIN_TILES = 16
 
 
 class StudyConditions(NamedTuple):
-    """Conditions of a study that warnings depend on.
+    """A study, and the conditions that warnings depend on besides its results.
 
-    tiles, tiles_measured : tiles of the picture, and those that were rendered.
+    study : still without warnings.
     scale : mean of the picture.
-    top_share : part of the squared error in the worst 0.1 % of the pixels.
-    bad : samples that were not finite.
-    rounds, rounds_asked : of the comparison; 0 if there was none.
-    load : load average before; None if not known.
+    bad : number of samples that were not finite.
+    rounds_asked : rounds of the comparison that were asked for.
     """
 
-    prediction: Prediction
-    tiles: int
-    tiles_measured: int
+    study: Study
     scale: float
-    top_share: float
     bad: int
-    rounds: int
     rounds_asked: int
-    interrupted: bool
-    load: float | None
-    threads: int
-    processors: int
 
 
 class StudyWarningKind(WarningKind[StudyConditions]):

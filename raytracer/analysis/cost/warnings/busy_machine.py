@@ -27,8 +27,8 @@ class BusyMachine(StudyWarningKind):
     )
 
     def find(self, subject: StudyConditions) -> Warned:
-        load = subject.load
-        if load is not None and math.isfinite(load) and load > _BUSY * subject.processors:
-            yield self.record(self.loaded.fill(load=load, processors=subject.processors))
-        if subject.threads > subject.processors:
-            yield self.record(self.shared.fill(threads=subject.threads, processors=subject.processors))
+        load, threads, processors = (subject.study.machine[name] for name in ("load_before", "threads", "processors"))
+        if load is not None and math.isfinite(load) and load > _BUSY * processors:
+            yield self.record(self.loaded.fill(load=load, processors=processors))
+        if threads > processors:
+            yield self.record(self.shared.fill(threads=threads, processors=processors))

@@ -27,7 +27,7 @@ class Extrapolation(StudyWarningKind):
     )
 
     def find(self, subject: StudyConditions) -> Warned:
-        prediction = subject.prediction
+        prediction = subject.study.prediction
         measured = prediction.points[-1].spp
         for goal, spp in (
             ("target takes", prediction.target_spp.value),

@@ -16,5 +16,5 @@ class FewRounds(StudyWarningKind):
     )
 
     def find(self, subject: StudyConditions) -> Warned:
-        if 0 < subject.rounds < MIN_ROUNDS:
-            yield self.record(self.few.fill(rounds=subject.rounds, least=MIN_ROUNDS))
+        if 0 < subject.study.rounds < MIN_ROUNDS:
+            yield self.record(self.few.fill(rounds=subject.study.rounds, least=MIN_ROUNDS))

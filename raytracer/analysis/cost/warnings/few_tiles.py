@@ -21,7 +21,7 @@ class FewTiles(StudyWarningKind):
     )
 
     def find(self, subject: StudyConditions) -> Warned:
-        if subject.tiles_measured == 1:
+        if subject.study.tiles_measured == 1:
             yield self.record(self.one.fill())
-        elif subject.tiles_measured < min(MIN_TILES, subject.tiles):
-            yield self.record(self.few.fill(measured=subject.tiles_measured, tiles=subject.tiles))
+        elif subject.study.tiles_measured < min(MIN_TILES, subject.study.tiles):
+            yield self.record(self.few.fill(measured=subject.study.tiles_measured, tiles=subject.study.tiles))

@@ -23,5 +23,5 @@ class FlatError(StudyWarningKind):
     def find(self, subject: StudyConditions) -> Warned:
         if subject.scale == 0.0:
             yield self.record(self.black.fill())
-        elif subject.prediction.points[-1].error.value == 0.0:
+        elif subject.study.prediction.points[-1].error.value == 0.0:
             yield self.record(self.noiseless.fill())

@@ -21,7 +21,7 @@ class Interruption(StudyWarningKind):
     )
 
     def find(self, subject: StudyConditions) -> Warned:
-        if subject.interrupted and subject.rounds:
-            yield self.record(self.after.fill(rounds=subject.rounds, asked=subject.rounds_asked))
-        elif subject.interrupted:
+        if subject.study.interrupted and subject.study.rounds:
+            yield self.record(self.after.fill(rounds=subject.study.rounds, asked=subject.rounds_asked))
+        elif subject.study.interrupted:
             yield self.record(self.before.fill())

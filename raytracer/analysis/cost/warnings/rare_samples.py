@@ -20,5 +20,5 @@ class RareSamples(StudyWarningKind):
     )
 
     def find(self, subject: StudyConditions) -> Warned:
-        if subject.top_share > _LARGE_SHARE:
-            yield self.record(self.rare.fill(percent=100.0 * subject.top_share))
+        if subject.study.top_share > _LARGE_SHARE:
+            yield self.record(self.rare.fill(percent=100.0 * subject.study.top_share))

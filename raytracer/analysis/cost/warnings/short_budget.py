@@ -17,6 +17,6 @@ class ShortBudget(StudyWarningKind):
     )
 
     def find(self, subject: StudyConditions) -> Warned:
-        prediction = subject.prediction
+        prediction = subject.study.prediction
         if prediction.budget is not None and not prediction.budget_spp:
             yield self.record(self.short.fill(budget=prediction.budget, fixed=prediction.fixed.value))
