@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from raytracer.cli.base import options
+from raytracer.cli.base.outputs import print_json
 from raytracer.util.errors import OutputError
 
 EXAMPLE = """\b
@@ -39,15 +40,8 @@ def cache(
         print(f"{held.folder}: removed {held.kernels} kernels and {held.parts} parts, {size}", file=sys.stderr)
         held = left
     if as_json:
-        import json
-
-        print(json.dumps({**held._asdict(), "folder": str(held.folder)}, indent=2))
+        print_json({**held._asdict(), "folder": str(held.folder)})
     elif not clear:
         oldest = "-" if held.oldest is None else f"{datetime.fromtimestamp(held.oldest):%Y-%m-%d %H:%M}"
         print(f"folder   {held.folder}\nkernels  {held.kernels}\nparts    {held.parts}")
         print(f"size     {held.bytes / _MEGABYTE:.1f} MB\noldest   {oldest}")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(cache)

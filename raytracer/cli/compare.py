@@ -1,13 +1,13 @@
 """`rt compare`: measures how far apart images are, and tests whether by more than their noise."""
 
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from raytracer.cli.base import options
+from raytracer.cli.base.outputs import check_files, print_json, report_written
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ def compare(
             metavar="NAME,...",
             help="What to measure: mae, mse, rmse, relmse, mrse, psnr, ssim, flip; may repeat.  Default: all, but for "
             "flip of large images, which takes long.",
-            show_default=False,
         ),
     ] = None,
     fail_above: Annotated[
@@ -51,7 +50,6 @@ def compare(
             "--test/--no-test",
             help="Whether the z-test of the variances that .exr files hold has to pass.  Default: if there is nothing "
             "else that could fail, and both images hold theirs.",
-            show_default=False,
         ),
     ] = None,
     alpha: Annotated[
@@ -68,7 +66,7 @@ def compare(
         ),
     ] = None,
     as_json: options.AsJson = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; what was found is printed.")] = False,
+    quiet: options.Findings = False,
 ) -> int:
     """Compare an image with a reference, or all images of a folder with those of the same name in another.
 
@@ -86,7 +84,6 @@ def compare(
     pictures = [_parse_difference(text, are_folders) for text in difference or []]
 
     from raytracer.analysis.compare import ALPHA, PassCriteria, normalize_criteria, normalize_metric_names
-    from raytracer.util.atomic_write import check_file
 
     names = None if metric is None else normalize_metric_names(name for text in metric for name in text.split(","))
     checks = normalize_criteria(PassCriteria(above, below, test, ALPHA if alpha is None else alpha))
@@ -94,13 +91,10 @@ def compare(
     if are_folders:
         comparison = _compare_folders(a, b, names, checks, pictures, quiet)
     else:
-        for picture in pictures:
-            check_file(picture.path)
+        check_files(picture.path for picture in pictures)
         comparison = _compare_files(a, b, names, checks, pictures, quiet)
     if as_json:
-        import json
-
-        print(json.dumps(comparison.json(), indent=2, allow_nan=False))
+        print_json(comparison.json())
     else:
         print(comparison.text(), end="")
     return _FAILED if comparison.passed is False else 0
@@ -168,8 +162,7 @@ def _compare_files(
     files = [(picture.path, encode(comparison, picture.kind)) for picture in pictures]
     for path, data in files:
         write_bytes(path, data)
-        if not quiet:
-            print(f"wrote {path}", file=sys.stderr)
+        report_written(path, quiet=quiet)
     return comparison
 
 
@@ -202,12 +195,5 @@ def _compare_folders(
         comparisons = compare_folders(a, b, metrics=names, checks=checks, done=done)
     for path, views in wipes.items():
         write_bytes(path, views.page(f"{a} against {b}"))
-    if not quiet:
-        for picture in pictures:
-            print(f"wrote {picture.path}", file=sys.stderr)
+    report_written(*(picture.path for picture in pictures), quiet=quiet)
     return comparisons
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(compare)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from raytracer.cli.base import options
+from raytracer.cli.base.outputs import join_paths, print_json, warn
 from raytracer.schema.units import parse_duration, parse_percentage
 from raytracer.util.errors import InputError, Interrupted
 from raytracer.util.progress import Bar
@@ -33,19 +34,14 @@ _LAYOUT = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
 
 
 def cost(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
+    scene: options.Scene,
     target: Annotated[str, typer.Option(metavar="ERROR", help="Relative error to reach: 1%, 0.01.")] = "1%",
     budget: Annotated[
         str | None, typer.Option(metavar="TIME", help="What can be had in this time: 60s, 5 min.")
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="DIR",
-            help="Folder for a page, a plot, an error map, CSV and JSON.",
-        ),
+        typer.Option("--output", "-o", metavar="DIR", help="Folder for a page, a plot, an error map, CSV and JSON."),
     ] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
@@ -71,7 +67,7 @@ def cost(
     threads: options.Threads = None,
     seed: options.Seed = None,
     as_json: options.AsJson = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; what was found is printed.")] = False,
+    quiet: options.Findings = False,
 ) -> None:
     """Measure what a scene's accuracy costs in time, and what each of its effects and settings does to both.
 
@@ -90,10 +86,7 @@ def cost(
         from raytracer.analysis.cost.page import check_report
 
         check_report(output)
-    from raytracer.scene.load import load
-    from raytracer.scene.overrides import parse_overrides
-
-    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
+    spec = options.load_scene(scene, define, allow_files)
     load_seconds = time.perf_counter() - start
 
     from raytracer.analysis.cost.study import study
@@ -103,19 +96,11 @@ def cost(
         try:
             result = study(
                 spec,
-                StudyOptions(
-                    target=error,
-                    budget=seconds,
-                    rounds=rounds,
-                    variants=names,
-                    tiles=tiles,
-                    threads=threads,
-                    seed=seed,
-                ),
+                StudyOptions(error, seconds, rounds, names, tiles, threads, seed),
                 progress=bar.update,
                 name=scene,
                 load_seconds=load_seconds,
-                warn=lambda sentence: print(f"rt: warning: {sentence}", file=sys.stderr),
+                warn=warn,
             )
         except KeyboardInterrupt:
             bar.close()
@@ -127,7 +112,7 @@ def cost(
 
         paths = write_report(result, output)
         if not quiet:
-            print(f"wrote {', '.join(map(str, paths))}", file=sys.stderr)
+            print(f"wrote {join_paths(paths)}", file=sys.stderr)
     if result.interrupted:
         raise Interrupted
 
@@ -144,11 +129,9 @@ def _parse_names(text: str | None) -> list[str] | None:
 def _show(result: "Study", as_json: bool) -> None:
     """Print the study."""
     if as_json:
-        import json
-
         from raytracer.analysis.cost.export import to_json
 
-        print(json.dumps(to_json(result), indent=2, allow_nan=False))
+        print_json(to_json(result))
     else:
         import os
         import shutil
@@ -180,8 +163,3 @@ class _Bars:
         """Remove the bar."""
         if self._bar is not None:
             self._bar.close()
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(cost)

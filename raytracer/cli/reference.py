@@ -32,31 +32,14 @@ def reference(
     ],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="DIR",
-            help="Folder of the references.  Default: references.",
-            show_default=False,
-        ),
+        typer.Option("--output", "-o", metavar="DIR", help="Folder of the references.  Default: references."),
     ] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
-    name: Annotated[
-        str | None,
-        typer.Option(help="Name of the reference.  Default: that of the scene's file.", show_default=False),
-    ] = None,
-    width: Annotated[
-        int | None, typer.Option(help="Width of the picture (px).  Default: 64.", min=1, show_default=False)
-    ] = None,
-    spp: Annotated[
-        int | None,
-        typer.Option(help="Samples per pixel.  Default: 4096.", min=1, max=2**31 - 1, show_default=False),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(help="Seed of all random numbers.  Default: 12345.", min=0, max=2**32 - 1, show_default=False),
-    ] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the reference.  Default: that of the scene's file.")] = None,
+    width: Annotated[int | None, typer.Option(help="Width of the picture (px).  Default: 64.", min=1)] = None,
+    spp: Annotated[int | None, options.declare("spp", "Samples per pixel.  Default: 4096.")] = None,
+    seed: Annotated[int | None, options.declare("seed", "Seed of all random numbers.  Default: 12345.")] = None,
     threads: options.Threads = None,
     quiet: options.Quiet = False,
 ) -> None:
@@ -156,8 +139,3 @@ def _describe(path: Path, reference: "Reference") -> str:
         verdict = z_test(ratio * reference.mean, ratio**2 * reference.variance, before.mean, before.variance, ratio=spp)
         sentence += f"; what it replaces: {verdict.reason}"
     return sentence
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(reference)

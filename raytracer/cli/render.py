@@ -1,6 +1,5 @@
 """`rt render`: from a scene file to images."""
 
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +8,16 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.base.checkpoints import ResumeInfo, find_checkpoint_path, parse_checkpoint_interval
-from raytracer.cli.base.cluster import connect_cluster
-from raytracer.cli.base.outputs import dry_run_save, save_picture_so_far, write_outputs
+from raytracer.cli.base.outputs import (
+    ResumeInfo,
+    check_files,
+    dry_run_save,
+    find_checkpoint_path,
+    parse_checkpoint_interval,
+    save_picture_so_far,
+    say,
+    write_outputs,
+)
 from raytracer.cli.base.render_report import RenderReport, describe_delay
 from raytracer.cli.base.sample_path import DebugCommand, check_debug_options, parse_pixel, print_path
 from raytracer.rendering.options import OPTIONS, RenderOptions
@@ -46,7 +52,7 @@ _EXIT_SECONDS = 0.05
 @options.render_options(*OPTIONS)
 def render(
     context: typer.Context,
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
+    scene: options.Scene,
     *,
     output: Annotated[
         list[Path] | None,
@@ -56,7 +62,6 @@ def render(
             metavar="FILE",
             help="Image to write, .png .jpg for display, .exr .hdr .npy linear; .lf holds a light field; may repeat.  "
             "Default: outputs/<scene>.png",
-            show_default=False,
         ),
     ] = None,
     define: options.Define = None,
@@ -79,7 +84,6 @@ def render(
             help="How often to write all samples so far to a file beside the first output, FILE.checkpoint, from which "
             "--resume goes on: 30s, 5min.  If given, it is kept after the render, too.  Default: 60s, and kept "
             "after renders that take longer.",
-            show_default=False,
         ),
     ] = None,
     resume: Annotated[
@@ -101,7 +105,6 @@ def render(
             "brightest.",
             min=0,
             max=2**31 - 1,
-            show_default=False,
         ),
     ] = None,
     debug: Annotated[
@@ -138,10 +141,7 @@ def render(
     if resume and request.checkpoint is None:
         raise InputError("--resume goes on from a checkpoint, and with --checkpoint off there is none")
 
-    from raytracer.scene.load import load
-    from raytracer.scene.overrides import parse_overrides
-
-    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
+    spec = options.load_scene(scene, define, allow_files)
     if not debug:
         _check_outputs(request, spec)
     if preview:
@@ -157,7 +157,7 @@ def render(
     seconds = time.perf_counter() - context.obj.began
     is_interrupted = rendered.interrupted or WATCH.signal_number is not None
     if (limit := request.options.time_limit) is not None and not is_interrupted and seconds > 1.05 * limit:
-        print(f"rt: {describe_delay(rendered, limit, seconds)}", file=sys.stderr)
+        say(describe_delay(rendered, limit, seconds))
     if is_interrupted:
         raise Interrupted
 
@@ -189,14 +189,13 @@ class _Request(NamedTuple):
 def _check_outputs(request: _Request, spec: "SceneSpec") -> None:
     """Check that all files can be written before the work, not after."""
     from raytracer.film.image_file import check_writable
-    from raytracer.util.atomic_write import check_file
 
     for path in request.outputs:
         check_writable(path)
         if path.suffix.lower() == ".lf":
             _check_light_field(path, spec, request)
     if request.stats is not None:
-        check_file(request.stats)
+        check_files([request.stats])
 
 
 def _check_light_field(path: Path, spec: "SceneSpec", request: _Request) -> None:
@@ -224,7 +223,7 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
             bar.say(f"rt: warning: {sentence}")
 
         writer = _make_checkpoint_writer(request, bar)
-        with on_hangup(writer.request_preview), connect_cluster(request.cluster) as cluster:
+        with on_hangup(writer.request_preview), options.connect_cluster(request.cluster) as cluster:
             with watch_compilation(compile_bar.show):
                 prepared = prepare_scene(
                     spec,
@@ -299,8 +298,3 @@ def _show_progress(progress: "Progress", bar: "SampleBar") -> None:
     """Show how far a render is, if it is to go on."""
     WATCH.raise_if_interrupted()
     bar.show(progress)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(render)

@@ -26,8 +26,3 @@ def schema(
     from raytracer.scene.json_schema import lens_schema, scene_schema
 
     print(json.dumps(lens_schema() if lens else scene_schema(), indent=2, ensure_ascii=False, allow_nan=False))
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(schema)

@@ -1,6 +1,5 @@
 """`rt sweep`: a scene with every combination of some values, as pictures, numbers and a page to slide through."""
 
-import json
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.base.cluster import connect_cluster
+from raytracer.cli.base.outputs import print_json, say
 from raytracer.rendering.options import OPTIONS
 from raytracer.report.wording import count
 from raytracer.util.errors import InputError, Interrupted, OutputError
@@ -69,7 +68,6 @@ def sweep(
             "-o",
             metavar="FOLDER",
             help="Where images, manifest, contact sheet and page go.  Default: outputs/<scene>_sweep",
-            show_default=False,
         ),
     ] = None,
     formats: Annotated[
@@ -124,7 +122,7 @@ def sweep(
             animate=[suffix.strip() for text in animate or [] for suffix in text.split(",")],
             fps=fps,
             max_points=max_points,
-            cluster=stack.enter_context(connect_cluster(cluster, bar.say)),
+            cluster=stack.enter_context(options.connect_cluster(cluster, bar.say)),
             progress=None if quiet else bar,
             report=lambda point: _report(point, bar.say),
             warn=lambda sentence: bar.say(f"rt: warning: {sentence}"),
@@ -133,7 +131,7 @@ def sweep(
     if as_json:
         from raytracer.analysis.sweep.manifest import to_json
 
-        print(json.dumps(to_json(result), indent=2, allow_nan=False, ensure_ascii=False))
+        print_json(to_json(result), ensure_ascii=False)
     _conclude(result, folder, stale_images(result), quiet=quiet)
 
 
@@ -152,7 +150,7 @@ def _print_dry_run(scene: str, define: list[str], *, zipped: bool, max_points: i
             plan.spec.replace(point.values)
         except InputError as error:
             wrong += 1
-            print(f"rt: {point.name} would fail: {error}", file=sys.stderr)
+            say(f"{point.name} would fail: {error}")
     if wrong:
         raise OutputError(f"{wrong} of {count(len(points), 'point')} would fail")
 
@@ -174,7 +172,7 @@ def _conclude(result: "Sweep", folder: Path, others: list[str], *, quiet: bool) 
         status: sum(point.status == status for point in result.results) for status in ("done", "failed", "missing")
     }
     if result.interrupted:
-        print(f"rt: interrupted; {counts['done']} of {_points(result)} done; the same command goes on", file=sys.stderr)
+        say(f"interrupted; {counts['done']} of {_points(result)} done; the same command goes on")
         raise Interrupted
     if not quiet:
         reused = f", {result.reused} of them before" if result.reused else ""
@@ -183,15 +181,10 @@ def _conclude(result: "Sweep", folder: Path, others: list[str], *, quiet: bool) 
     if others and not quiet:
         number = count(len(others), "image")
         note = f"{folder} also holds {number} that this sweep did not make, such as {others[0]}"
-        print(f"rt: {note}; -o names another folder", file=sys.stderr)
+        say(f"{note}; -o names another folder")
     if counts["failed"]:
         raise OutputError(f"{counts['failed']} of {_points(result)} failed; {folder / 'manifest.csv'} says why")
 
 
 def _points(result: "Sweep") -> str:
     return count(len(result.results), "point")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(sweep)

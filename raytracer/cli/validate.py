@@ -1,11 +1,11 @@
 """`rt validate`: checks scene files."""
 
-import sys
 from typing import Annotated
 
 import typer
 
 from raytracer.cli.base import options
+from raytracer.cli.base.outputs import say
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -36,18 +36,13 @@ def validate(
             sentences = warning_messages(find_warnings(pack(load(scene, allow_files=allow_files or []))))
         except InputError as error:
             wrong = True
-            print(f"rt: {error}", file=sys.stderr)
+            say(str(error))
             continue
         for sentence in sentences:
-            print(f"rt: {'' if strict else 'warning: '}{sentence}", file=sys.stderr)
+            say(f"{'' if strict else 'warning: '}{sentence}")
         if sentences and strict:
             wrong = True
         elif not quiet:
             print(f"{scene}: valid")
     if wrong:
         raise typer.Exit(2)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(validate)

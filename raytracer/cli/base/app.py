@@ -1,7 +1,7 @@
 """The application `rt`: finds the commands, and turns every failure into one sentence and an exit status.
 
-A command is a module of this package with `register(app)`, which adds it to the Typer app.  It imports what it needs
-when it runs, so that `rt --help` answers at once.
+A command is a module of this package with a function of its name, and `EXAMPLE` for its help; or a group of commands
+of its name.  It imports what it needs when it runs, so that `rt --help` answers at once.
 """
 
 import contextlib
@@ -14,6 +14,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Sequence
+from types import ModuleType
 from typing import Annotated, Any, TextIO
 
 import typer
@@ -64,10 +65,20 @@ def application(command: str | None = None) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
     app.callback()(options)
-    names = [found.name for found in pkgutil.iter_modules(raytracer.cli.__path__) if found.name not in {"base", "main"}]
-    for name in [command] if command in names else names:
-        importlib.import_module(f"raytracer.cli.{name}").register(app)
+    add_commands(app, raytracer.cli, command)
     return app
+
+
+def add_commands(app: typer.Typer, package: ModuleType, command: str | None = None) -> None:
+    """Add all commands of a package to `app`, or one alone; each is the function, or the group, named as its module."""
+    names = [found.name for found in pkgutil.iter_modules(package.__path__) if found.name not in {"base", "main"}]
+    for name in [command] if command in names else names:
+        module = importlib.import_module(f"{package.__name__}.{name}")
+        added, word = getattr(module, name), name.rstrip("_").replace("_", "-")
+        if isinstance(added, typer.Typer):
+            app.add_typer(added, name=word)
+        else:
+            app.command(word, epilog=module.EXAMPLE)(added)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,11 +1,11 @@
 """The options `--pixel`, `--sample` and `--debug` of `rt render`: the path of one sample."""
 
-import json
 import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from raytracer.cli.base.options import GivenOptions
+from raytracer.cli.base.outputs import print_json
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -14,12 +14,7 @@ if TYPE_CHECKING:
 
 
 def parse_pixel(text: str) -> tuple[int, int]:
-    """Parse the pixel of `--pixel X,Y`.
-
-    Raises
-    ------
-    InputError : it is not two integers.
-    """
+    """Parse the pixel of `--pixel X,Y`."""
     try:
         x, y = map(int, text.split(","))
     except ValueError:
@@ -28,12 +23,7 @@ def parse_pixel(text: str) -> tuple[int, int]:
 
 
 def check_debug_options(pixel: tuple[int, int] | None, sample: int | None, *, is_on: bool, as_json: bool) -> None:
-    """Refuse options that only mean something together.
-
-    Raises
-    ------
-    InputError : --debug is given without --pixel, or one of the others without --debug.
-    """
+    """Refuse --debug without --pixel, and options of it without --debug."""
     if is_on and pixel is None:
         raise InputError("--debug needs --pixel X,Y, the pixel whose path it is to print")
     for name, given in (("--pixel", pixel is not None), ("--sample", sample is not None), ("--json", as_json)):
@@ -49,10 +39,10 @@ def print_path(
     from raytracer.rendering.path_text import format_path
 
     path = trace_sample(spec, pixel, sample, options)
-    print(
-        json.dumps(path.json(), indent=2, allow_nan=False) if as_json else format_path(path),
-        end="\n" if as_json else "",
-    )
+    if as_json:
+        print_json(path.json())
+    else:
+        print(format_path(path), end="")
 
 
 class DebugCommand(NamedTuple):

@@ -6,8 +6,9 @@ from typing import Annotated
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base import files
-from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_distance, parse_view
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield import base
+from raytracer.cli.lightfield.base import Far, File, Near, Quiet, parse_distance, parse_view
 
 EXAMPLE = """\b
 Examples:
@@ -15,11 +16,6 @@ Examples:
   rt lightfield all-in-focus array.lf --scale 2 -o large.exr     twice as many pixels along each side
   rt lightfield all-in-focus lytro.lf --near 50cm --far 4 -o sharp.png
 """
-
-
-def register(group: typer.Typer) -> None:
-    """Add the command to the group."""
-    group.command("all-in-focus", epilog=EXAMPLE)(all_in_focus)
 
 
 def all_in_focus(
@@ -39,7 +35,7 @@ def all_in_focus(
     Each point is taken from where its depth puts it in every view that sees it: as sharp as through a pinhole, with
     less noise.  With --scale finer than any view, since views see a point between each other's pixels.
     """
-    files.check_outputs(output, files.picture_suffixes(), "a picture")
+    base.check_outputs(output, base.picture_suffixes(), "a picture")
     index = parse_view("--view", view) or (None, None)
     nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
 
@@ -48,8 +44,8 @@ def all_in_focus(
     from raytracer.lightfield.super_resolution import supersampled
     from raytracer.util.progress import Bar
 
-    with files.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        with files.name_in_errors(file):
+    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+        with base.name_in_errors(file):
             depths = depth_map(
                 field, row=index[0], column=index[1], near=nearest, far=farthest, threads=threads, update=bar.update
             )
@@ -58,6 +54,5 @@ def all_in_focus(
         else:
             picture = supersampled(field, scale, depths, update=bar.update)
         for path in output:
-            files.save_picture(picture, path, field)
-    for path in output:
-        files.report_written(path, quiet)
+            base.save_picture(picture, path, field)
+    report_written(*output, quiet=quiet)

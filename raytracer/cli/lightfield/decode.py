@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import check_outputs, report_written
-from raytracer.cli.lightfield.base.options import Quiet, parse_positive
+from raytracer.cli.base.outputs import print_json, report_written
+from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,11 +28,6 @@ Examples:
 Pictures are .png or .tif of 8 or 16 bits, .exr or .npy, in linear light, upright, all of one size.  The white picture
 is of something evenly bright, at the same zoom and focus; 1.0 in the light field is as bright as it was.
 """
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command("decode", epilog=EXAMPLE)(decode)
 
 
 def decode(
@@ -59,8 +54,7 @@ def decode(
     views: Annotated[
         int | None,
         typer.Option(
-            help="Views in a row and in a column; default: the largest odd number that fits under a microlens.",
-            show_default=False,
+            help="Views in a row and in a column; default: the largest odd number that fits under a microlens."
         ),
     ] = None,
     srgb: Annotated[
@@ -98,8 +92,6 @@ def decode(
         )
     )
 
-    import json
-
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
     from raytracer.lightfield.decoding.microlens_grid import read_grid
     from raytracer.lightfield.decoding.optics import Optics
@@ -121,9 +113,9 @@ def decode(
     if output is not None:
         with Bar(" views", quiet=quiet) as bar:
             light_field.write(output, bar.update)
-        report_written(output, quiet)
+        report_written(output, quiet=quiet)
     if as_json:
-        print(json.dumps(light_field.grid.as_dict(), indent=2, allow_nan=False))
+        print_json(light_field.grid.as_dict())
     elif not quiet:
         print(_summary(light_field.grid))
         size = light_field.views

@@ -1,6 +1,5 @@
 """`rt lightfield depth`: estimates how far away everything is, in metres."""
 
-import json
 import math
 import sys
 from pathlib import Path
@@ -9,14 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import (
-    check_outputs,
-    name_in_errors,
-    open_light_field,
-    report_written,
-    save_picture,
-)
-from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_distance, parse_view
+from raytracer.cli.base.outputs import print_json, report_written
+from raytracer.cli.lightfield import base
+from raytracer.cli.lightfield.base import Far, File, Near, Quiet, parse_distance
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -49,11 +43,6 @@ Some are sure and wrong, as where a pattern repeats: one alone would take most o
 _ALMOST_ALL = f"{100.0 * (1.0 - 2.0 * _TAILS):g} %"
 
 
-def register(group: typer.Typer) -> None:
-    """Add the command to the group."""
-    group.command("depth", epilog=EXAMPLE)(depth)
-
-
 def depth(
     file: File,
     output: Annotated[
@@ -80,10 +69,10 @@ def depth(
     outputs = output or []
     from raytracer.film.formats.registry import image_formats, map_suffixes
 
-    check_outputs(outputs, map_suffixes(), "a depth map")
+    base.check_outputs(outputs, map_suffixes(), "a depth map")
     if confidence is not None:
-        check_outputs([confidence], map_suffixes(with_image=False), "a map of confidence")
-    index = parse_view("--view", view) or (None, None)
+        base.check_outputs([confidence], map_suffixes(with_image=False), "a map of confidence")
+    index = base.parse_view("--view", view) or (None, None)
     nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
 
     from raytracer.lightfield.depth.depth_map import METHODS, depth_map
@@ -92,8 +81,8 @@ def depth(
 
     if method not in METHODS:
         raise InputError(f"--method {method}: must be one of {', '.join(METHODS)}")
-    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        with name_in_errors(file):
+    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+        with base.name_in_errors(file):
             depths = depth_map(
                 field,
                 row=index[0],
@@ -108,16 +97,15 @@ def depth(
             image_format = image_formats()[path.suffix.lower()]
             if image_format.has_layers:
                 layers = {"depth": depths.distance, "confidence": depths.confidence}
-                save_picture(field.view(depths.row, depths.column), path, field, layers)
+                base.save_picture(field.view(depths.row, depths.column), path, field, layers)
             else:
                 write_bytes(path, _encode_depths(depths, field, image_format))
         if confidence is not None:
             write_bytes(confidence, _encode_confidence(depths, image_formats()[confidence.suffix.lower()]))
         summary = _summary(depths, field, method)
-    for path in [*outputs, *([] if confidence is None else [confidence])]:
-        report_written(path, quiet)
+    report_written(*outputs, *([] if confidence is None else [confidence]), quiet=quiet)
     if as_json:
-        print(json.dumps(summary, indent=2, allow_nan=False))
+        print_json(summary)
     elif not quiet:
         _print(summary)
 

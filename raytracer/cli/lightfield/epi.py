@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli.lightfield.base import files
-from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield import base
+from raytracer.cli.lightfield.base import File, Quiet, parse_distance
 
 EXAMPLE = """\b
 Examples:
@@ -15,11 +16,6 @@ Examples:
   rt lightfield epi array.lf --vertical -o slice.exr          a column of pixels from all views of a column
   rt lightfield epi array.lf --distance 2.5 -o slice.png      what is 2.5 m away stands upright
 """
-
-
-def register(group: typer.Typer) -> None:
-    """Add the command to the group."""
-    group.command("epi", epilog=EXAMPLE)(epi)
 
 
 def epi(
@@ -45,14 +41,14 @@ def epi(
     Each point is a straight line there; the farther it is from the plane where all views see the same, the more it
     leans, to one side if it is nearer and to the other if it is farther.
     """
-    files.check_outputs([output], files.picture_suffixes(), "a slice")
+    base.check_outputs([output], base.picture_suffixes(), "a slice")
     plane = parse_distance("--distance", distance)
 
     from raytracer.film.formats.registry import image_formats
     from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
 
-    with files.open_light_field(file) as field:
-        with files.name_in_errors(file):
+    with base.open_light_field(file) as field:
+        with base.name_in_errors(file):
             epi_slice = epipolar_slice(
                 field,
                 direction="vertical" if vertical else "horizontal",
@@ -66,5 +62,5 @@ def epi(
             drawn = draw_slice(epi_slice) if field.is_metric else draw_slice(epi_slice, unit="views", scale=1.0)
             write_bytes(output, encode_pixels(drawn))
         else:
-            files.save_picture(epi_slice.radiance, output, field)
-    files.report_written(output, quiet)
+            base.save_picture(epi_slice.radiance, output, field)
+    report_written(output, quiet=quiet)

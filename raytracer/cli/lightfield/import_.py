@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli.lightfield.base.files import check_outputs, report_written
-from raytracer.cli.lightfield.base.options import Quiet, parse_positive
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
 from raytracer.schema.units import Dimension
 from raytracer.util.errors import InputError
 
@@ -26,12 +26,7 @@ view_03_05.png, or in one number, by rows.  Also .npy of (rows, columns, height,
 """
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command("import", epilog=EXAMPLE)(import_file)
-
-
-def import_file(
+def import_(
     path: Annotated[str, typer.Argument(metavar="PATH", help="Folder of views, picture of all views, or .npy.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.lf", help="File to write.")],
     rows: Annotated[int | None, typer.Option(help="Rows of views, where names do not say.", min=1, max=4096)] = None,
@@ -90,7 +85,7 @@ def import_file(
     field = import_views(path, rows=rows, columns=columns, spacing=steps, flip=flip, interleaved=interleaved, **lengths)
     with Bar(" rows of views", quiet=quiet) as bar:
         lf.write(output, field, dtype=dtype, compress=compress, update=bar.update)
-    report_written(output, quiet)
+    report_written(output, quiet=quiet)
     if not quiet and not field.is_metric:
         how = "--spacing, --focus-distance and --vfov say them"
         print(f"note: metres are not known ({how}): 1 / distance is in pixels per view", file=sys.stderr)

@@ -1,6 +1,5 @@
 """`rt lightfield info`: prints what a file holds."""
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import open_light_field
-from raytracer.cli.lightfield.base.options import File
+from raytracer.cli.base.outputs import print_json
+from raytracer.cli.lightfield.base import File, open_light_field
 
 if TYPE_CHECKING:
     from raytracer.film.light_field.field import LightField
@@ -20,11 +19,6 @@ Examples:
   rt lightfield info outputs/array.lf --json
   rt lightfield info outputs/array.lf --check     reads all of it, to know that it is whole
 """
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(info)
 
 
 def info(
@@ -40,7 +34,7 @@ def info(
             _read_all(field)
         numbers = {**_numbers(field), "file_bytes": Path(file).stat().st_size}
     if as_json:
-        print(json.dumps(numbers, indent=2, allow_nan=False))
+        print_json(numbers)
     else:
         print(_format(numbers), end="")
         if check:

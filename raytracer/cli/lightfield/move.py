@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import check_outputs, name_in_errors, open_light_field, report_written
-from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield.base import File, Quiet, check_outputs, name_in_errors, open_light_field, parse_distance
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -17,11 +17,6 @@ Examples:
   rt lightfield move array.lf --path eight --frames 48 --fps 24 -o eight.gif
   rt lightfield move array.lf --distance 3 -o around.gif     what is 3 m away stands still between views
 """
-
-
-def register(group: typer.Typer) -> None:
-    """Add the command to the group."""
-    group.command("move", epilog=EXAMPLE)(move)
 
 
 def move(
@@ -72,4 +67,4 @@ def move(
             pictures.append(srgb.to_uint8(view))
             bar.update(number + 1, frames)
         write_bytes(output, encode(pictures, kind, fps=fps))
-    report_written(output, quiet)
+    report_written(output, quiet=quiet)

@@ -1,6 +1,5 @@
 """`rt lightfield refocus`: photographs that are focused after the shot."""
 
-import json
 import math
 import sys
 from pathlib import Path
@@ -9,14 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import (
-    check_outputs,
-    name_in_errors,
-    open_light_field,
-    picture_suffixes,
-    report_written,
-)
-from raytracer.cli.lightfield.base.options import File, Quiet, parse_position
+from raytracer.cli.base.outputs import print_json, report_written
+from raytracer.cli.lightfield import base
+from raytracer.cli.lightfield.base import File, Quiet
 from raytracer.rendering.options import parse_crop
 from raytracer.util.errors import InputError
 
@@ -42,11 +36,6 @@ picture each, numbered.
 _MOST_PLANES = 10_000
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command("refocus", epilog=EXAMPLE)(refocus)
-
-
 def refocus(
     file: File,
     output: Annotated[
@@ -61,7 +50,6 @@ def refocus(
             metavar="LENGTH",
             help="Plane of focus along the axis: 2.5, 80cm, inf; 1,2,4; or START:STOP:COUNT.  May repeat.  Default: "
             "the plane in which all views see the same.",
-            show_default=False,
         ),
     ] = None,
     alpha: Annotated[
@@ -116,7 +104,7 @@ def refocus(
     if sum(map(bool, (distances, slopes, alpha is not None))) > 1:
         raise InputError("--distance, --alpha and --slope set the plane of focus: give one of them")
     animations = animation_suffixes(with_images=False)
-    check_outputs(output, (*picture_suffixes(), *animations), "a photograph")
+    base.check_outputs(output, (*base.picture_suffixes(), *animations), "a photograph")
     planes = max(len(distances), len(slopes))
     for path in output:
         if path.suffix.lower() in animations and planes < 2:
@@ -138,9 +126,9 @@ def refocus(
     from raytracer.lightfield.refocusing.refocus import refocus as refocus_field
     from raytracer.util.progress import Bar
 
-    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         arguments["update"] = bar.update
-        with name_in_errors(file):
+        with base.name_in_errors(file):
             if planes > 1:
                 images = focal_stack(field, distances, slopes=slopes, **arguments)
             else:
@@ -148,12 +136,11 @@ def refocus(
                 images = [refocus_field(field, plane[0], alpha=alpha, slope=plane[1], **arguments)]
         note = _note_out_of_range(field, images) or _note_black_pixels(images)
     files = [written for path in output for written in _write(images, path, fps)]
-    for path in files:
-        report_written(path, quiet)
+    report_written(*files, quiet=quiet)
     if note and not quiet:
         print(f"note: {note}", file=sys.stderr)
     if as_json:
-        print(json.dumps(_to_json(field, images, files), indent=2, allow_nan=False))
+        print_json(_to_json(field, images, files))
 
 
 # ---- Options
@@ -199,7 +186,7 @@ def _steps(start: float, stop: float, count: int) -> list[float]:
 def _center(text: str | None) -> tuple[float, float]:
     if text is None:
         return 0.0, 0.0
-    right, up = parse_position("--center", text)
+    right, up = base.parse_position("--center", text)
     if not (math.isfinite(right) and math.isfinite(up)):
         raise InputError(f"--center {text}: must be finite")
     return right, up

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.base.checkpoints import parse_checkpoint_interval, resume_command
-from raytracer.cli.base.cluster import connect_cluster
+from raytracer.cli.base.outputs import check_files, parse_checkpoint_interval, report_faults, resume_command
 from raytracer.schema.units import parse_bytes
-from raytracer.util.errors import InputError, Interrupted, OutputError
+from raytracer.util.errors import InputError, Interrupted
 from raytracer.util.signals import WATCH, defer_interrupt, raise_interrupt
 
 if TYPE_CHECKING:
@@ -45,9 +44,7 @@ def render(
     context: typer.Context,
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file, of a camera with many views.")],
     *,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE.lf", help="Light field to write.", show_default=False)
-    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.lf", help="Light field to write.")],
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
     memory: Annotated[
@@ -75,7 +72,6 @@ def render(
             metavar="TIME|off",
             help="How often to write all samples so far to files beside the output, FILE.lf.1.checkpoint for the first "
             "part, until the light field is there: 5min.  Default: 60s.",
-            show_default=False,
         ),
     ] = None,
     resume: Annotated[
@@ -95,18 +91,15 @@ def render(
     picture_memory = int(options.parse_value("--memory", memory, parse_bytes))
     _check_format(output, dtype)
     wanted = given.parse()
-    from raytracer.scene.load import load
-    from raytracer.scene.overrides import parse_overrides
-
-    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
-    _check_writable(output, stats)
+    spec = options.load_scene(scene, define, allow_files)
+    check_files([output, *([] if stats is None else [stats])])
     from raytracer.lightfield.capturing.capture import capture
     from raytracer.rendering.progress import SampleBar
 
     with ExitStack() as stack:
         stack.enter_context(WATCH.on_first_signal(raise_interrupt))
         bar = stack.enter_context(SampleBar(quiet=quiet))
-        client = stack.enter_context(connect_cluster(cluster))
+        client = stack.enter_context(options.connect_cluster(cluster))
 
         def show(progress: "Progress") -> None:
             # From the first sample on there is something to lose.
@@ -152,14 +145,6 @@ def _check_format(output: Path, dtype: str) -> None:
         raise InputError(f"--dtype {dtype}: must be {', '.join(TYPES)}")
 
 
-def _check_writable(output: Path, stats: Path | None) -> None:
-    """Check that all files can be written before the work, not after."""
-    from raytracer.util.atomic_write import check_file
-
-    for path in (output, *([stats] if stats is not None else [])):
-        check_file(path)
-
-
 def _has_checkpoints(output: Path) -> bool:
     """Return True if samples of some part of a light field are kept."""
     from raytracer.rendering.checkpoint import SUFFIX
@@ -168,12 +153,7 @@ def _has_checkpoints(output: Path) -> bool:
 
 
 def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bool, strict: bool) -> None:
-    """Write the statistics, and say on stderr what was made; what is wrong with it also when quiet.
-
-    Raises
-    ------
-    OutputError : samples were not finite, or pixels are below zero without a reason, and `strict`.
-    """
+    """Write the statistics, and say on stderr what was made, and what is wrong with it, which fails if `strict`."""
     from raytracer.film.negative_pixels import describe_negative_pixels
     from raytracer.util.atomic_write import write_bytes
 
@@ -192,10 +172,7 @@ def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bo
     if numbers.negative_pixels and not numbers.negative["causes"]:
         negative = describe_negative_pixels(numbers.negative_pixels, numbers.negative)
         faults.append(f"{negative}; pixel {numbers.negative['pixel']}")
-    for fault in faults:
-        if strict:
-            raise OutputError(fault)
-        print(f"rt: {fault}", file=sys.stderr)
+    report_faults(faults, strict=strict)
 
 
 def _summarize(captured: "Captured", output: Path) -> str:
@@ -217,8 +194,3 @@ def _summarize(captured: "Captured", output: Path) -> str:
     if stats.negative_pixels and stats.negative["causes"]:
         parts.append(describe_negative_pixels(stats.negative_pixels, stats.negative))
     return ", ".join(parts)
-
-
-def register(group: typer.Typer) -> None:
-    """Add the command to `group`."""
-    group.command(epilog=EXAMPLE)(render)

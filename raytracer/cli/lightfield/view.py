@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, report_written
-from raytracer.cli.lightfield.base.options import File, Quiet
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield.base import File, Quiet, check_outputs, open_light_field
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -23,11 +23,6 @@ In a browser, a click focuses there, a drag looks around, and sliders focus (in 
 
 _UNITS = {"": 1, "b": 1, "kb": 1_000, "mb": 1_000_000, "gb": 1_000_000_000}
 _MOST_EV = 64.0
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(view)
 
 
 def view(
@@ -60,7 +55,7 @@ def view(
     if not quiet:
         for note in notes:
             print(note, file=sys.stderr)
-    report_written(path, quiet)
+    report_written(path, quiet=quiet)
 
 
 def _bytes(text: str) -> int:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from raytracer.cli.lightfield.base import files
-from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance, parse_position, parse_view
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield import base
+from raytracer.cli.lightfield.base import File, Quiet, parse_distance, parse_position, parse_view
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,11 +25,6 @@ Examples:
   rt lightfield views array.lf --view 8,8 --scale 2 -o fine.png
   rt lightfield views array.lf --all -o views --format exr   a file for each
 """
-
-
-def register(group: typer.Typer) -> None:
-    """Add the command to the group."""
-    group.command("views", epilog=EXAMPLE)(views)
 
 
 def views(
@@ -83,15 +79,15 @@ def views(
     index, position = parse_view("--view", view), None if at is None else parse_position("--at", at)
     plane = parse_distance("--distance", distance)
     if wanted == "all":
-        if output.suffix.lower() in files.picture_suffixes() and not output.is_dir():
+        if output.suffix.lower() in base.picture_suffixes() and not output.is_dir():
             raise InputError(f"-o {output}: --all writes a file for each view, and -o names their folder")
-        files.check_folder(output)
+        base.check_folder(output)
         ending = f".{suffix.lower().removeprefix('.')}"
-        if ending not in files.picture_suffixes():
-            known = ", ".join(each.removeprefix(".") for each in files.picture_suffixes())
+        if ending not in base.picture_suffixes():
+            known = ", ".join(each.removeprefix(".") for each in base.picture_suffixes())
             raise InputError(f"--format {suffix}: must be one of {known}")
     else:
-        files.check_outputs([output], files.picture_suffixes(), "a view")
+        base.check_outputs([output], base.picture_suffixes(), "a view")
 
     from raytracer.lightfield.coverage import require_lit
     from raytracer.lightfield.depth.depth_map import depth_map, reference_view
@@ -100,12 +96,12 @@ def views(
     from raytracer.lightfield.views.synthesis import view_at
     from raytracer.util.progress import Bar
 
-    with files.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         geometry = field.views
         if wanted == "all":
             _save_all(field, output, ending, bar.update, quiet)
             return
-        with files.name_in_errors(file):
+        with base.name_in_errors(file):
             if index is not None:
                 chosen = reference_view(geometry, *index)
                 require_lit(field, *chosen)
@@ -120,8 +116,8 @@ def views(
                 picture = view_at(field, *position, depth=around, distance=plane)
             else:
                 picture = montage(field, width=4096 if width is None else width)
-        files.save_picture(picture, output, field)
-    files.report_written(output, quiet)
+        base.save_picture(picture, output, field)
+    report_written(output, quiet=quiet)
 
 
 def _save_all(field: "LightField", folder: Path, ending: str, update: "Update", quiet: bool) -> None:
@@ -133,7 +129,7 @@ def _save_all(field: "LightField", folder: Path, ending: str, update: "Update", 
     wanted = [divmod(number, lit.shape[1]) for number in lit.ravel().nonzero()[0].tolist()]
     for number, (row, column) in enumerate(wanted, 1):
         name = f"view_{row:0{digits}}_{column:0{digits}}{ending}"
-        files.save_picture(field.view(row, column), folder / name, field)
+        base.save_picture(field.view(row, column), folder / name, field)
         update(number, len(wanted))
     if not quiet:
         left_out = lit.size - len(wanted)
