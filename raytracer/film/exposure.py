@@ -44,8 +44,6 @@ _TINY = float(np.finfo(np.float64).tiny)
 class CropWindow(NamedTuple):
     """A part of a picture.
 
-    Attributes
-    ----------
     width, height (px) : of the whole picture.
     left, top (px) : place of the top left pixel of the part.
     view (px) : width and height of each of the views that the picture is made of, side by side; None for a single one.
@@ -66,8 +64,6 @@ class CropWindow(NamedTuple):
 class ExposureResult(NamedTuple):
     """The exposure of a picture.
 
-    Attributes
-    ----------
     gain : factor of the light on the film; 1 is then the sensor's saturation.
     iso : ISO speed, given or chosen by metering; None where aperture or shutter are not known.
     metered : mean luminance that was measured, in the unit of the film; None if none was.

@@ -25,8 +25,6 @@ RADIANCE, RADIANCE_SQUARED = "W/(m2 sr)", "(W/(m2 sr))2"
 class DevelopSettings(NamedTuple):
     """Settings of the development of a picture.
 
-    Attributes
-    ----------
     exposure : settings of the camera; None for radiance as it is.
     sensor : to simulate; None for none.
     white_balance : see `white_balance.balance_gains`; None for none.

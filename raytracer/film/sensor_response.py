@@ -46,8 +46,6 @@ _SMALLEST_MOSAIC = 3
 class SensorResponse(NamedTuple):
     """The response of a sensor to light at some ISO speed.
 
-    Attributes
-    ----------
     saturation (electrons) : of the value 1.
     full_well (electrons) : that a pixel holds.
     read_noise (electrons) : standard deviation.
@@ -83,8 +81,6 @@ class SensorResponse(NamedTuple):
 class SensorReadout(NamedTuple):
     """The recording of a sensor.
 
-    Attributes
-    ----------
     values : float64 (height, width, 3), of at most 1.
     variance : of the sensor's noise, of the same shape; None behind a Bayer mosaic, where it is not known.
     saturated : bool (height, width), pixels with all channels saturated.
@@ -188,8 +184,6 @@ def simulate_readout(
 ) -> SensorReadout:
     """Simulate the readout of a sensor that recorded `values` (height, width, 3), which are a part of `frame`.
 
-    Parameters
-    ----------
     speed : ISO speed at which `values` of 1 saturate the sensor; None if not known.
     seed : of the noise, if the sensor has none of its own.
 

@@ -34,8 +34,6 @@ _TICKS = 5
 class EpipolarSlice:
     """Epipolar-plane image.
 
-    Attributes
-    ----------
     radiance : float64 (views, pixels, 3); of a vertical one pixels go down the views.
     places : of the views (m): right of the middle if it is horizontal, up if it is vertical.
     tangents : places of the pixels in the image at a distance of 1: right, or up.
@@ -113,8 +111,6 @@ def _shear(radiance: NDArray[np.float64], places: NDArray[np.float64], moved: fl
 def draw_slice(epi: EpipolarSlice, *, unit: str = "mm", scale: float = 1e3) -> NDArray[np.uint8]:
     """Draw a slice with labelled axes, uint8 (height, width, 3) in sRGB; each view is twelve pixels thick.
 
-    Parameters
-    ----------
     unit, scale : of the views' places: the name of the unit, and its number in one of `places`.
     """
     import PIL.Image

@@ -10,8 +10,8 @@ from raytracer.film.light_field.field import LightField, Rays
 from raytracer.film.light_field.focusing import alpha_to_inverse_distance, refocusable, slope_to_inverse_distance
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.refocusing.fourier import FourierRefocuser
-from raytracer.lightfield.refocusing.pixel_interpolation import INTERPOLATIONS, interpolation_taps, make_shift
 from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
+from raytracer.lightfield.refocusing.shift_and_sum import INTERPOLATIONS, interpolation_taps, make_shift
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.plugins.apertures.polygon import PolygonAperture
 from raytracer.util.errors import InputError

@@ -141,8 +141,6 @@ class GivenOptions(NamedTuple):
     def parse(self, suffixes: Collection[str] | None = None, remedy: str = "") -> RenderOptions:
         """Parse them.
 
-        Parameters
-        ----------
         suffixes : of the files that the command writes; None if they hold layers whatever they are.
         remedy : options that make it write a file that holds layers, if none of these does.
 
@@ -163,8 +161,6 @@ class GivenOptions(NamedTuple):
 def render_options(*names: str, **texts: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command options of a render, in place of its parameter `given`.
 
-    Parameters
-    ----------
     names : fields of `RenderOptions`, in the order of the help.
     texts : help of those that mean something else to this command.
     """

@@ -40,7 +40,7 @@ def all_in_focus(
     nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
 
     from raytracer.lightfield.depth.depth_map import depth_map
-    from raytracer.lightfield.refocusing.all_in_focus import all_in_focus as fuse
+    from raytracer.lightfield.super_resolution import all_in_focus as fuse
     from raytracer.lightfield.super_resolution import supersampled
     from raytracer.util.progress import Bar
 

@@ -22,8 +22,6 @@ class Lattice:
 
     Vectors are right and down, in pixels of the raw picture.
 
-    Attributes
-    ----------
     origin (px) : the middle of one sub-image.
     along (px) : step to the next microlens in a row.
     across (px) : step to a microlens in the next row, for hexagons half way along as well.
@@ -89,8 +87,6 @@ class Lattice:
 class LatticeRows(NamedTuple):
     """Microlenses, row by row.
 
-    Attributes
-    ----------
     top : number of the first row.
     first : int (rows,), column of each row's first microlens.
     number : int (rows,), microlenses of each row.

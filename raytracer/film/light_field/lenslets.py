@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.light_field.disc_coverage import disc_coverage
-from raytracer.film.light_field.field import LIT_LAYER, LightField, Rays, Samples
+from raytracer.film.light_field.field import LIT_LAYER, RAYS_LAYER, LightField, Rays, Samples, rays_from_layer
 from raytracer.film.light_field.lattice import Lattice
-from raytracer.film.light_field.rays_layer import RAYS_LAYER, rays_from_layer
 from raytracer.film.light_field.resampling import Resampler
 from raytracer.film.light_field.views import Plane, Pose, Views
 
@@ -59,8 +58,6 @@ class _WholePixelGrid(NamedTuple):
 class Lenslets:
     """The layout of a light field in a picture from behind an array of microlenses.
 
-    Attributes
-    ----------
     lattice : middles of the sub-images, in pixels of the picture.
     width, height (px) : of the picture.
     middle (px) : place of the axis, right and down.

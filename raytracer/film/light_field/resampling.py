@@ -33,8 +33,6 @@ _HALF = 0.5
 class ResampledView(NamedTuple):
     """One view.
 
-    Attributes
-    ----------
     values : (height, width) or (height, width, channels).
     seen : bool (height, width), pixels with at least half of the weight of a linear interpolation on lit microlenses;
         others are extrapolated from the rest, or 0.
@@ -50,8 +48,6 @@ class ResampledView(NamedTuple):
 class Resampler:
     """Resampling of pictures of one size behind one lattice to views.
 
-    Attributes
-    ----------
     lattice : of the sub-images.
     raw_width, raw_height (px) : of the raw picture.
     count : views in a row and in a column; default: the whole pixels of a pitch.

@@ -9,8 +9,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
-from raytracer.film.light_field.layout import Layout
-from raytracer.film.light_field.mosaic import Mosaic
+from raytracer.film.light_field.layout import Layout, Mosaic
 from raytracer.film.light_field.views import Views
 from raytracer.film.white_balance import AUTO
 from raytracer.film.window import Window

@@ -18,9 +18,8 @@ from raytracer.film.light_field.views import Views
 from raytracer.film.window import Window
 from raytracer.kernel.aovs.base.recording import per_sample_aovs, unique_aovs
 from raytracer.lightfield.capturing.bands import bytes_per_pixel, choose_bands
-from raytracer.lightfield.capturing.checkpoints import BandCheckpoints
 from raytracer.lightfield.capturing.statistics import BandStats, band_stats, merge_stats, replace_error_settings
-from raytracer.rendering.checkpoint import CheckpointWriter
+from raytracer.rendering.checkpoint import CheckpointWriter, checkpoint_path
 from raytracer.rendering.develop import light_field_layout
 from raytracer.rendering.options import RenderOptions, called_with
 from raytracer.rendering.prepared_scene import PreparedScene
@@ -31,6 +30,7 @@ from raytracer.rendering.statistics import Stats
 from raytracer.rendering.tile_scheduler import now
 from raytracer.rendering.worker_pool import ClusterClient
 from raytracer.scene.spec import SceneSpec
+from raytracer.util.array_snapshot import previous_path
 from raytracer.util.errors import InputError, OutputError
 
 MEMORY = 2 * 10**9
@@ -187,8 +187,6 @@ class _Capture(NamedTuple):
 def _render_window(job: _Capture, window: Window, before: int, writer: CheckpointWriter | None) -> Rendered:
     """Render a window of the picture.
 
-    Parameters
-    ----------
     before : pixels that are rendered already, for the progress.
     writer : writes its checkpoints.
 
@@ -210,3 +208,40 @@ def _render_window(job: _Capture, window: Window, before: int, writer: Checkpoin
     if rendered.interrupted:
         raise KeyboardInterrupt
     return rendered
+
+
+class BandCheckpoints:
+    """Checkpoint writers of the bands, one after the other.
+
+    Parameters
+    ----------
+    path : of the light field; checkpoints are beside it.
+    every : seconds between checkpoints; none are written if None.
+    start : of the capture (s).
+    resume : True to go on from checkpoints that are there.
+    say : called with sentences for the user.
+    """
+
+    def __init__(
+        self, path: Path, every: float | None, start: float, resume: bool, say: Callable[[str], object]
+    ) -> None:
+        self._path, self._every, self._start, self._resume, self._say = path, every, start, resume, say
+        self._writers: list[CheckpointWriter] = []
+
+    def next(self) -> CheckpointWriter | None:
+        """Make the writer of the next band; None without checkpoints."""
+        if self._every is None:
+            return None
+        # A shorter capture, bands before included, is soon rendered again.
+        always = now() - self._start >= self._every
+        file = checkpoint_path(self._path.with_name(f"{self._path.name}.{len(self._writers) + 1}"))
+        # Bands that were not begun have no checkpoint.
+        resume = self._resume and (file.exists() or previous_path(file).exists() or not self._writers)
+        self._writers.append(CheckpointWriter(file, every=self._every, resume=resume, always=always, say=self._say))
+        return self._writers[-1]
+
+    def delete(self) -> None:
+        """Remove the files, once the light field is written."""
+        for writer in self._writers:
+            if writer.info is not None or writer.resumed:
+                writer.delete()

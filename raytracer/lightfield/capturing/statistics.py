@@ -32,8 +32,6 @@ def band_stats(rendered: Rendered, pixels: int) -> BandStats:
 def merge_stats(bands: Sequence[BandStats], before: dict[str, float], writing: float) -> Stats:
     """Merge the statistics of all bands.
 
-    Parameters
-    ----------
     before : seconds by phase up to the first band, which each band has included.
     writing : seconds that the file took.
     """

@@ -19,24 +19,22 @@ from raytracer.film.light_field.field import LIT_LAYER, LightField, Samples
 from raytracer.film.light_field.resampling import ResampledView, Resampler
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.decoding.calibration import find_grid
-from raytracer.lightfield.decoding.flat_field import (
-    LEAST_LIGHT,
-    Floats32,
-    divide_by_white,
-    find_defects,
-    flatten_channels,
-    has_color_filters,
-    light_weight,
-    note_clipping,
-)
 from raytracer.lightfield.decoding.microlens_grid import Grid
 from raytracer.lightfield.decoding.optics import Optics
 from raytracer.lightfield.decoding.raw_image import (
+    LEAST_LIGHT,
+    Floats32,
     Source,
     check_bayer,
     check_fits,
     demosaic,
+    divide_by_white,
+    find_defects,
+    flatten_channels,
+    has_color_filters,
     has_largest_value,
+    light_weight,
+    note_clipping,
     read_raw,
     source_name,
     subtract_dark,

@@ -51,8 +51,6 @@ def middle_part(picture: NDArray[Any]) -> NDArray[Any]:
 def find_frequencies(part: NDArray[Any], bottom: float, top: float, name: str) -> Floats:
     """Find the two shortest frequencies (2, 2) of a grid, right and down (cycles a pixel).
 
-    Parameters
-    ----------
     bottom, top : values between which the picture is clipped.
     name : of the picture, with which messages begin.
 

@@ -60,8 +60,6 @@ class _Slopes(NamedTuple):
 def measure_slopes(context: DepthContext, bounds: tuple[float, float]) -> Estimate:
     """Estimate depth from the directions of lines in the epipolar slices through a view, horizontal and vertical.
 
-    Parameters
-    ----------
     bounds : least and greatest 1 / distance (1/m).
 
     Raises

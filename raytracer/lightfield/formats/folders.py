@@ -51,8 +51,6 @@ class ViewFiles(NamedTuple):
 def find_views(folder: Path, rows: int | None, columns: int | None, flip: str = "") -> ViewFiles:
     """Find the views in a folder.
 
-    Parameters
-    ----------
     rows, columns : of the array, where names have one number only.
     flip : "x", "y" or both: axes along which the places in Stanford names run the other way (right to left; up).
 

@@ -165,8 +165,6 @@ def grid_spacing(views: Views) -> float:
 def to_cfg(views: Views, name: str, disparity: NDArray[np.float64] | None) -> bytes:
     """Write a `parameters.cfg` (UTF-8), with all keys that the benchmark's own readers require.
 
-    Parameters
-    ----------
     disparity : of the view in the middle (pixels from view to view), for the range that is noted; None if not known.
     """
     longer = max(views.width, views.height)

@@ -106,8 +106,6 @@ class PartialLayer(LazyArray):
 def split_montage(path: Path, rows: int, columns: int, *, interleaved: bool) -> NDArray[np.float64]:
     """Split one picture that shows all views into these, (rows, columns, height, width, 3).
 
-    Parameters
-    ----------
     interleaved : True if pixels of all views lie beside each other, as under microlenses (ESLF); else views do.
 
     Raises

@@ -140,8 +140,6 @@ class FourierRefocuser:
 class _Axis:
     """One axis of the views, transformed: the kernel by which its spectrum is interpolated.
 
-    Attributes
-    ----------
     size : number of frequencies.
     middle : the view that shifts are counted from.
     deapodization : (views,), weights of the views, one over the kernel's transform.

@@ -9,8 +9,7 @@ from raytracer.film.light_field.field import Rays
 from raytracer.film.light_field.focusing import FocusPlane
 from raytracer.film.light_field.views import Views
 from raytracer.film.window import Window
-from raytracer.lightfield.refocusing.aperture import RefocusAperture
-from raytracer.lightfield.synthetic_aperture import cell_weights, opening_transmission
+from raytracer.lightfield.synthetic_aperture import RefocusAperture, cell_weights, opening_transmission
 from raytracer.util.errors import InputError
 
 FloatArray = NDArray[np.float64]

@@ -19,12 +19,9 @@ from raytracer.film.image import Image
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.focusing import FocusPlane, alpha_to_inverse_distance, slope_to_inverse_distance
 from raytracer.film.window import Window, crop_window
-from raytracer.lightfield.refocusing.aperture import RefocusAperture, make_aperture
-from raytracer.lightfield.refocusing.pixel_interpolation import INTERPOLATIONS, Interpolation
 from raytracer.lightfield.refocusing.ray_integration import integrate_rays
-from raytracer.lightfield.refocusing.shift_and_sum import shift_and_sum
-from raytracer.lightfield.refocusing.tilted_plane import warp_and_sum
-from raytracer.lightfield.synthetic_aperture import cell_weights
+from raytracer.lightfield.refocusing.shift_and_sum import INTERPOLATIONS, Interpolation, shift_and_sum, warp_and_sum
+from raytracer.lightfield.synthetic_aperture import RefocusAperture, cell_weights, make_aperture
 from raytracer.plugins.apertures.base.interface import ApertureSpec
 from raytracer.util.errors import InputError
 from raytracer.util.progress import Update, report_progress

@@ -16,8 +16,14 @@ from raytracer.film.light_field.field import LightField
 from raytracer.lightfield.ray_binning import rays_to_views
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.lightfield.viewer.depth_layer import encode_depth, focus_range, viewer_depth
-from raytracer.lightfield.viewer.encoding import choose_encoding
-from raytracer.lightfield.viewer.size_budget import ViewPlan, fit_to_size, plan_views, planned_views, resize_view
+from raytracer.lightfield.viewer.size_budget import (
+    ViewPlan,
+    choose_encoding,
+    fit_to_size,
+    plan_views,
+    planned_views,
+    resize_view,
+)
 from raytracer.report import page as html
 from raytracer.report.wording import megabytes
 from raytracer.util.atomic_write import write_bytes

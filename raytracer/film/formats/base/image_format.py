@@ -27,8 +27,6 @@ class ImageFormat:
 
     A decoder takes the bytes of a file, and may raise anything for a broken one.  What a format cannot do is None.
 
-    Attributes
-    ----------
     suffixes : in lower case, with the dot, the usual one first.
     is_linear : it holds linear light, and not what a display shows.
     has_layers : it holds the layers of an image besides its radiance.

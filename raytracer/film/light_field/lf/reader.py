@@ -17,7 +17,7 @@ from raytracer.film.light_field.lf.constants import (
     OPTIONAL_NUMBERS,
     VERSION,
 )
-from raytracer.film.light_field.lf.hdf5_checks import (
+from raytracer.film.light_field.lf.stored_array import (
     checked_array,
     checked_name,
     find_object,

@@ -1,9 +1,9 @@
 """Writing `.lf` files: view by view, or a whole light field."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,52 @@ from raytracer.film.light_field.lf.constants import (
     UNITS,
     VERSION,
 )
-from raytracer.film.light_field.lf.write_only_file import WriteOnlyFile
 from raytracer.film.light_field.views import Views
 from raytracer.util.atomic_write import atomic_write, wrap_os_errors
 from raytracer.util.progress import Update, report_progress
+
+
+class WriteOnlyFile:
+    """A file for HDF5 to write, which stores the first error instead of raising it.
+
+    HDF5 cannot close a file that it could not write, and ends the process at its exit.  So writes always seem to
+    succeed, and the writer checks `error`.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.error: BaseException | None = None
+
+    def write(self, data: memoryview) -> int:
+        self._attempt(lambda: self._file.write(data))
+        return len(data)
+
+    def truncate(self, size: int) -> int:
+        self._attempt(lambda: self._file.truncate(size))
+        return size
+
+    def flush(self) -> None:
+        self._attempt(self._file.flush)
+
+    def seek(self, place: int, whence: int = 0) -> int:
+        return self._file.seek(place, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def read(self, size: int = -1) -> bytes:
+        return self._file.read(size)
+
+    def readinto(self, data: memoryview) -> int:
+        return self._file.readinto(data)  # type: ignore[attr-defined, no-any-return]
+
+    def _attempt(self, act: Callable[[], object]) -> None:
+        try:
+            if self.error is None:
+                act()
+        except BaseException as error:  # noqa: BLE001
+            self.error = error
+
 
 _TILE = 128
 """Pixels along the edge of a tile: as quick as whole views to write and read, and a part of a view costs little."""
@@ -86,8 +128,6 @@ class Writer:
     def put(self, row: int, radiance: Any, layers: Mapping[str, Any] | None = None) -> None:
         """Write rows of views, from `row` on.
 
-        Parameters
-        ----------
         radiance : (rows, columns, height, width, 3).
         layers : by name, (rows, columns, height, width) or with a last axis of channels; the same names every time.
         """

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.vec import add, madd, scale
 from raytracer.film.light_field.focusing import refocusable, view_spacing
-from raytracer.film.light_field.mosaic import Mosaic
+from raytracer.film.light_field.layout import Mosaic
 from raytracer.film.light_field.views import Plane, Pose, Views
 from raytracer.plugins.cameras.base.interface import (
     CameraParts,
