@@ -16,12 +16,7 @@ MAX_FPS = 1000.0 / (TICK_MS * MIN_TICKS)
 
 
 def check(kind: str, fps: float, *, kind_option: str = "--animate", fps_option: str = "--fps") -> None:
-    """Check, before anything is rendered, that an animation of a suffix, without its dot, can be written.
-
-    Raises
-    ------
-    InputError : `fps` is not in 0..50, or there are no animations of this kind.
-    """
+    """Raise an InputError if there are no animations of a suffix (without its dot), or `fps` is not in 0..50."""
     if f".{kind}" not in animation_suffixes():
         known = ", ".join(suffix.removeprefix(".") for suffix in animation_suffixes())
         raise InputError(f"{kind_option} {kind}: must be one of {known}")

@@ -22,12 +22,7 @@ _LARGEST = float(np.finfo(np.float32).max)
 
 
 def require_denoiser() -> None:
-    """Check, before an image is rendered, that it can be denoised.
-
-    Raises
-    ------
-    InputError : the extra is not installed, or does not run on this machine.
-    """
+    """Raise an InputError, before a render, if the denoiser is not installed or does not run on this machine."""
     _Device(threads=1).release()
 
 

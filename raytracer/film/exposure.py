@@ -187,12 +187,7 @@ def metering_weights(metering: Metering, frame: CropWindow, height: int, width: 
 
 
 def meter_luminance(values: FloatArray, metering: Metering, frame: CropWindow) -> float:
-    """Meter the mean luminance of linear values (height, width, 3), in their unit.
-
-    Raises
-    ------
-    InputError : see `metering_weights`.
-    """
+    """Meter the mean luminance of linear values (height, width, 3), in their unit; raises as `metering_weights`."""
     height, width, _ = values.shape
     return float((metering_weights(metering, frame, height, width) * luminance(values)).sum())
 

@@ -28,12 +28,7 @@ _CHUNK_BYTES = 1 << 20
 
 
 def _format_suffix(path: Path, known: Sequence[str]) -> str:
-    """Find the suffix of a path's format among those that are known; a device without one takes PNG.
-
-    Raises
-    ------
-    InputError : the suffix is not known.
-    """
+    """Find the suffix of a path's format among those that are known, or raise an InputError; a device takes PNG."""
     if not path.suffix and is_special(path):
         return ".png"
     safe_open.check_suffix(path, known, "an image")

@@ -98,22 +98,12 @@ def make_response(sensor: SensorSpec, speed: float | None) -> SensorResponse:
 
 
 def require_demosaic() -> None:
-    """Check, before an image is rendered, that a Bayer mosaic can be turned into a picture.
-
-    Raises
-    ------
-    InputError : the extra is not installed, or does not run on this machine.
-    """
+    """Raise an InputError, before a render, if the library that demosaics is not installed or does not run."""
     _opencv()
 
 
 def require_mosaic_size(height: int, width: int) -> None:
-    """Check that a mosaic of height x width pixels can be turned into a picture.
-
-    Raises
-    ------
-    InputError : it has fewer than 3 pixels a side.
-    """
+    """Raise an InputError if a mosaic of height x width pixels is too small to be demosaiced: less than 3 a side."""
     if min(height, width) < _SMALLEST_MOSAIC:
         raise InputError(
             f"a Bayer mosaic needs a picture of at least {_SMALLEST_MOSAIC} x {_SMALLEST_MOSAIC} pixels, "

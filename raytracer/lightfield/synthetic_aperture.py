@@ -107,12 +107,7 @@ def make_aperture(
     shape: ApertureSpec | str | None,
     center: tuple[float, float],
 ) -> RefocusAperture:
-    """Make the aperture that options describe.
-
-    Raises
-    ------
-    InputError : the options contradict each other, or the size is missing or impossible.
-    """
+    """Make the aperture that options describe; an InputError says that they contradict each other, or lack a size."""
     if f_number is not None and aperture is not None:
         raise InputError("f_number and aperture both set the size of the opening: give one of them")
     if f_number is not None:
@@ -145,12 +140,7 @@ def _pack_shape(shape: ApertureSpec | str | None) -> Any:
 
 
 def parse_aperture(text: str) -> ApertureSpec:
-    """Parse an aperture as scenes write it: a type, or a mapping in YAML, `{type: polygon, blades: 7}`.
-
-    Raises
-    ------
-    InputError : the text describes none.
-    """
+    """Parse an aperture as scenes write it: type or a mapping `{type: polygon, blades: 7}`, or raise an InputError."""
     from pydantic import TypeAdapter, ValidationError
 
     from raytracer.schema.registry import APERTURES

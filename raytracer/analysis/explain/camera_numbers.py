@@ -50,12 +50,7 @@ class Circle(NamedTuple):
 
 
 def parse_circle(text: str) -> Circle:
-    """Parse a circle of confusion as `--circle` takes it: `0.03 mm`, `2 px`.
-
-    Raises
-    ------
-    InputError : it is neither, or not greater than 0.
-    """
+    """Parse a circle of confusion as `--circle` takes it, `0.03 mm` or `2 px`; raise an InputError if it is none."""
     pixels = text.strip().removesuffix("px")
     in_pixels = pixels != text.strip()
     try:

@@ -79,12 +79,7 @@ def decode_exr(data: bytes) -> NDArray[np.float64]:
 
 
 def decode_exr_layers(data: bytes, wanted: Collection[str] | None = None) -> DecodedLayers:
-    """Decode layers and settings; see `raytracer.film.image_file.load_layers`.
-
-    Raises
-    ------
-    BrokenFileError : as `read_exr`.
-    """
+    """Decode layers and settings; see `raytracer.film.image_file.load_layers`, and `read_exr` for errors."""
 
     def is_wanted(name: str) -> bool:
         return wanted is None or (name.rpartition(".")[0] or "radiance") in wanted or name in wanted

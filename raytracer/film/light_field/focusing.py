@@ -92,12 +92,7 @@ def slope_to_inverse_distance(views: Views, slope: float) -> float:
 
 
 def aperture_diameter(views: Views, f_number: float) -> float:
-    """Compute the diameter (m) of the aperture of an f-number.
-
-    Raises
-    ------
-    ValueError : there is no focal length, or the lens has no such opening.
-    """
+    """Compute the diameter (m) of an f-number; a ValueError says that there is no focal length, or no such opening."""
     if views.focal_length is None:
         raise ValueError("an f-number needs the focal length of a lens, which these views do not have: give aperture")
     if not 0.0 < f_number < math.inf:

@@ -155,12 +155,7 @@ def capture(options: CaptureOptions) -> Captured:
 
 
 def _light_field_layout(spec: SceneSpec, aovs: Sequence[str], path: Path) -> Layout:
-    """Return the layout of a light field in the whole picture.
-
-    Raises
-    ------
-    InputError : the picture holds none.
-    """
+    """Return the layout of a light field in the whole picture; raise an InputError if it holds none."""
     layout = light_field_layout(spec)
     if layout is None or (layout.views.rows * layout.views.columns == 1 and not per_sample_aovs(unique_aovs(aovs))):
         raise InputError(f"{path}: {NO_LIGHT_FIELD_MESSAGE}")

@@ -60,12 +60,7 @@ class Grid:
 
 
 def grid_from_dict(values: Mapping[str, Any], name: str) -> Grid:
-    """Read a grid from the values that `Grid.as_dict` makes.
-
-    Raises
-    ------
-    InputError : a key is missing or wrong; the message begins with `name`.
-    """
+    """Read a grid from the values of `Grid.as_dict`; an InputError, which begins with `name`, says what is wrong."""
 
     def vector(key: str) -> tuple[float, float]:
         pair = values.get(key)

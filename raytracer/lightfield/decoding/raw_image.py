@@ -56,12 +56,7 @@ def read_raw(source: Source, name: str, srgb: bool) -> Floats32:
 
 
 def check_fits(picture: Floats32, raw: Floats32, names: dict[str, str], kind: str) -> Floats32:
-    """Check that a picture fits the raw one, in size and channels, and return it.
-
-    Raises
-    ------
-    InputError : it does not.
-    """
+    """Return a picture, or raise an InputError if it does not fit the raw one in size and channels."""
     if picture.shape[:2] != raw.shape[:2]:
         (height, width), (tall, wide) = picture.shape[:2], raw.shape[:2]
         turned = ", turned by 90 degrees" if (height, width) == (wide, tall) else ""

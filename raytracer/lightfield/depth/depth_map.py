@@ -153,12 +153,7 @@ def _has_enough_views(field: LightField, others: Sequence[ViewIndex]) -> NDArray
 
 
 def reference_view(views: Views, row: int | None, column: int | None) -> ViewIndex:
-    """Return row and column of a view, the middle by default.
-
-    Raises
-    ------
-    InputError : there is no such view.
-    """
+    """Return row and column of a view, the middle by default; raise an InputError if there is no such view."""
     middle = views.nearest()
     chosen = middle[0] if row is None else row, middle[1] if column is None else column
     if not (0 <= chosen[0] < views.rows and 0 <= chosen[1] < views.columns):

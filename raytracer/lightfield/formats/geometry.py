@@ -92,12 +92,7 @@ def to_json(views: Views, units: str | None) -> bytes:
 
 
 def read(path: Path) -> tuple[Views, dict[str, str]]:
-    """Read a geometry from a JSON file, and the settings that say its units.
-
-    Raises
-    ------
-    InputError : the file cannot be read, or is no geometry.
-    """
+    """Read a geometry from a JSON file, and the settings that say its units; an InputError says that it is none."""
     try:
         values = json.loads(read_regular(path, _LARGEST))
         pose = values.get("pose")

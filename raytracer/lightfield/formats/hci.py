@@ -65,12 +65,7 @@ class HciParameters(NamedTuple):
 
 
 def read(path: Path) -> HciParameters:
-    """Read a `parameters.cfg`.
-
-    Raises
-    ------
-    InputError : it cannot be read, or lacks a key that is needed, or a number makes no sense.
-    """
+    """Read a `parameters.cfg`; an InputError says what is missing, or what number makes no sense."""
     parser = configparser.ConfigParser(interpolation=None)
     try:
         parser.read_string(read_regular(path, _LARGEST).decode("utf-8"))

@@ -103,12 +103,7 @@ class FourierRefocuser:
             self._spectrum[:, rows] = np.moveaxis(transformed, 3, 1)
 
     def picture(self, inverse: float) -> NDArray[np.float64]:
-        """Focus at one over `inverse` (1/m): float64 (height, width, 3).
-
-        Raises
-        ------
-        InputError : it is outside the range that this was made for.
-        """
+        """Focus at one over `inverse` (1/m), within the range that this was made for: float64 (height, width, 3)."""
         from scipy import fft
 
         if not self._least <= inverse <= self._most:

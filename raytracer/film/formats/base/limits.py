@@ -36,12 +36,7 @@ def wrap_decode_errors(suffix: str) -> Iterator[None]:
 
 
 def check_size(width: int, height: int, length: int) -> None:
-    """Refuse an image of so many pixels, in a file of `length` bytes.
-
-    Raises
-    ------
-    BrokenFileError : it has none, too many, or more than its file can hold.
-    """
+    """Raise a BrokenFileError for an image of no or too many pixels, or more than `length` bytes can hold."""
     if width <= 0 or height <= 0:
         raise BrokenFileError("has no pixels")
     if width * height > MAX_PIXELS:

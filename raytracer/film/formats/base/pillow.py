@@ -112,12 +112,7 @@ def _encode(picture: "PIL.Image.Image", name: str, **settings: Any) -> bytes:
 
 
 def is_transparent(data: bytes) -> bool:
-    """Return True if an image file that Pillow reads has an opacity.
-
-    Raises
-    ------
-    BrokenFileError : it cannot be opened.
-    """
+    """Return True if an image file that Pillow reads has an opacity; a BrokenFileError if it cannot be opened."""
     try:
         with open_with_pillow(data) as file:
             return "A" in file.getbands() or "transparency" in file.info
