@@ -3,7 +3,7 @@
 import sys
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import print_json
@@ -20,7 +20,7 @@ _MEGABYTE = 1e6
 
 
 def cache(
-    clear: Annotated[bool, typer.Option("--clear", help="Remove all kernels; the next renders compile anew.")] = False,
+    clear: Annotated[bool, Option("--clear", help="Remove all kernels; the next renders compile anew.")] = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Show where compiled kernels are kept, how many there are, and how large, or remove them.

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import print_json, say
@@ -26,20 +27,16 @@ _SPP = "Samples per pixel.  Default: as many as it takes to find 1 % more or les
 
 
 def check(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of references that `rt reference` made.")],
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME", help="Names of references.  Default: all.")
-    ] = None,
+    folder: Annotated[Path, Argument(metavar="DIR", help="Folder of references that `rt reference` made.")],
+    names: Annotated[list[str] | None, Argument(metavar="NAME", help="Names of references.  Default: all.")] = None,
     spp: Annotated[int | None, options.declare("spp", _SPP)] = None,
     seed: Annotated[
         int | None, options.declare("seed", "Seed of all random numbers.  Default: the one after the reference's.")
     ] = None,
-    alpha: Annotated[
-        float, typer.Option(help="How often a scene that has not changed may fail.", min=1e-12, max=0.5)
-    ] = 1e-3,
+    alpha: Annotated[float, Option(help="How often a scene that has not changed may fail.", min=1e-12, max=0.5)] = 1e-3,
     report: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="FILE.html",
             help=f"Page of all verdicts.  Default: {_REPORT.as_posix()}, and only if something fails.",
         ),
@@ -47,7 +44,7 @@ def check(
     allow_files: options.AllowFiles = None,
     threads: options.Threads = None,
     as_json: options.AsJson = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; only failures are printed.")] = False,
+    quiet: Annotated[bool, Option("--quiet", "-q", help="No progress; only failures are printed.")] = False,
 ) -> None:
     """Render scenes again, with other random numbers, and judge by the noise whether they look as their references do.
 

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import check_files, print_json, report_written
@@ -26,27 +26,26 @@ _FAILED = 1
 
 
 def compare(
-    a: Annotated[str, typer.Argument(metavar="A", help="Image, or folder of images.")],
-    b: Annotated[str, typer.Argument(metavar="B", help="What it is compared with: the reference.")],
+    a: Annotated[str, Argument(metavar="A", help="Image, or folder of images.")],
+    b: Annotated[str, Argument(metavar="B", help="What it is compared with: the reference.")],
     metric: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="NAME,...",
             help="What to measure: mae, mse, rmse, relmse, mrse, psnr, ssim, flip; may repeat.  Default: all, but for "
             "flip of large images, which takes long.",
         ),
     ] = None,
     fail_above: Annotated[
-        list[str] | None,
-        typer.Option(metavar="METRIC=VALUE", help="Fail if a metric is above this: flip=0.05; may repeat."),
+        list[str] | None, Option(metavar="METRIC=VALUE", help="Fail if a metric is above this: flip=0.05; may repeat.")
     ] = None,
     fail_below: Annotated[
         list[str] | None,
-        typer.Option(metavar="METRIC=VALUE", help="The same for psnr and ssim, which are better when larger."),
+        Option(metavar="METRIC=VALUE", help="The same for psnr and ssim, which are better when larger."),
     ] = None,
     test: Annotated[
         bool | None,
-        typer.Option(
+        Option(
             "--test/--no-test",
             help="Whether the z-test of the variances that .exr files hold has to pass.  Default: if there is nothing "
             "else that could fail, and both images hold theirs.",
@@ -54,11 +53,11 @@ def compare(
     ] = None,
     alpha: Annotated[
         float | None,
-        typer.Option(help="How often images that differ by their noise only may fail the z-test.  Default: 0.001."),
+        Option(help="How often images that differ by their noise only may fail the z-test.  Default: 0.001."),
     ] = None,
     difference: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="[KIND=]FILE",
             help="Write a picture of the difference, .png, of the kind signed (default), absolute, relative, flip, z "
             "or side-by-side; or .html, a page to wipe between the images.  Of folders: a folder of pictures.  "

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import join_paths, print_json, warn
@@ -35,34 +35,28 @@ _LAYOUT = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
 
 def cost(
     scene: options.Scene,
-    target: Annotated[str, typer.Option(metavar="ERROR", help="Relative error to reach: 1%, 0.01.")] = "1%",
-    budget: Annotated[
-        str | None, typer.Option(metavar="TIME", help="What can be had in this time: 60s, 5 min.")
-    ] = None,
+    target: Annotated[str, Option(metavar="ERROR", help="Relative error to reach: 1%, 0.01.")] = "1%",
+    budget: Annotated[str | None, Option(metavar="TIME", help="What can be had in this time: 60s, 5 min.")] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder for a page, a plot, an error map, CSV and JSON."),
+        Option("--output", "-o", metavar="DIR", help="Folder for a page, a plot, an error map, CSV and JSON."),
     ] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
     variants: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--variants",
             "--arms",
             metavar="NAME,...",
             help="Which variants to compare, such as defocus,accuracy=fast.  Default: all.",
         ),
     ] = None,
-    no_variants: Annotated[
-        bool, typer.Option("--no-variants", "--no-arms", help="Only predict, compare nothing.")
-    ] = False,
-    rounds: Annotated[int, typer.Option(help="How often each variant is rendered, at least 9 times.")] = 9,
+    no_variants: Annotated[bool, Option("--no-variants", "--no-arms", help="Only predict, compare nothing.")] = False,
+    rounds: Annotated[int, Option(help="How often each variant is rendered, at least 9 times.")] = 9,
     tiles: Annotated[
         int | None,
-        typer.Option(
-            help="How many tiles of 16 x 16 pixels to measure, at least 16 or all.  Default: what a minute allows."
-        ),
+        Option(help="How many tiles of 16 x 16 pixels to measure, at least 16 or all.  Default: what a minute allows."),
     ] = None,
     threads: options.Threads = None,
     seed: options.Seed = None,

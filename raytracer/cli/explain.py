@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import print_json
@@ -22,14 +22,13 @@ def explain(
     allow_files: options.AllowFiles = None,
     circle: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="SIZE",
             help="Blur at which the depth of field ends: 0.03mm, 2px; default: 1/1500 of the sensor's diagonal.",
         ),
     ] = None,
     every: Annotated[
-        bool,
-        typer.Option("--all", help="List every key of the scene too, at any depth: its value, and what it means."),
+        bool, Option("--all", help="List every key of the scene too, at any depth: its value, and what it means.")
     ] = False,
     as_json: options.AsJson = False,
 ) -> None:

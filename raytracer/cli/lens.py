@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 import typer.core
+from typer import Argument, Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import check_files, print_json, report_written, to_json, warn
@@ -51,14 +52,14 @@ With OpenCV, a picture that was made through the lens is straightened by
 
 _DEFAULT = "report"
 
-File = Annotated[str, typer.Argument(metavar="FILE", help="Lens file: .yaml, or .dat or .zmx of other programs.")]
-Number = Annotated[float | None, typer.Option("--f-number", metavar="N", help="Stop down to this; default: wide open.")]
+File = Annotated[str, Argument(metavar="FILE", help="Lens file: .yaml, or .dat or .zmx of other programs.")]
+Number = Annotated[float | None, Option("--f-number", metavar="N", help="Stop down to this; default: wide open.")]
 Distance = Annotated[
-    str, typer.Option("--focus-distance", metavar="LENGTH", help="Plane that is sharp, from the entrance pupil: 2m.")
+    str, Option("--focus-distance", metavar="LENGTH", help="Plane that is sharp, from the entrance pupil: 2m.")
 ]
 Sensor = Annotated[
     str | None,
-    typer.Option(
+    Option(
         "--sensor",
         metavar="SIZE",
         help="A sensor's name, or width and height: aps_c, 36x24 (mm).  Default: full_frame, or as much of it as the "
@@ -67,7 +68,7 @@ Sensor = Annotated[
 ]
 Wavelengths = Annotated[
     str,
-    typer.Option(
+    Option(
         "--wavelengths",
         metavar="NM,...",
         help="Wavelengths (nm), or the lines d, F, C; the first is focused on, chromatic "
@@ -76,7 +77,7 @@ Wavelengths = Annotated[
 ]
 
 
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print no summary.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no summary.")]
 
 
 class _WithDefault(typer.core.TyperGroup):
@@ -101,7 +102,7 @@ def report(
     file: File,
     output: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="OUT",
@@ -150,26 +151,26 @@ def report(
 
 @lens.command("import", epilog=EXAMPLE_IMPORT)
 def import_file(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="Table of another program: .dat (pbrt) or .zmx (Zemax).")],
+    file: Annotated[str, Argument(metavar="FILE", help="Table of another program: .dat (pbrt) or .zmx (Zemax).")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="LENS.yaml", help="Lens file to write; default: stdout.")
+        Path | None, Option("--output", "-o", metavar="LENS.yaml", help="Lens file to write; default: stdout.")
     ] = None,
     glass: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="NAME=INDEX/ABBE",
             help="What a glass is that is not in the catalogue: SK16=1.62041/60.3.  May repeat.",
         ),
     ] = None,
     thickness: Annotated[
         Literal["after", "before"] | None,
-        typer.Option(
+        Option(
             metavar="PLACE",
             help="Where thickness stands in a .dat table: in the row of the surface before the way (after it), or of "
             "that behind it (before it).  Default: decided by the numbers.",
         ),
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but warnings.")] = False,
+    quiet: Annotated[bool, Option("--quiet", "-q", help="Say nothing but warnings.")] = False,
 ) -> None:
     """Take over another program's lens: write it as a lens file.
 
@@ -204,7 +205,7 @@ def distortion(
     file: File,
     output: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="OUT",
@@ -212,10 +213,10 @@ def distortion(
             ".json.  May repeat.",
         ),
     ] = None,
-    width: Annotated[int, typer.Option(help="Pixels across the sensor.", min=2, max=16_384)] = 1200,
+    width: Annotated[int, Option(help="Pixels across the sensor.", min=2, max=16_384)] = 1200,
     ideal: Annotated[
         Literal["rectilinear", "equidistant"] | None,
-        typer.Option(
+        Option(
             metavar="NAME",
             help="Projection to compare with: rectilinear or equidistant.  Default: rectilinear, and equidistant for "
             "lenses that see 65 degrees from the axis or more.",

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import join_paths, print_json, report_written, say, warn
@@ -39,19 +39,17 @@ standard error.  With -o it is a picture of all directions, equirectangular, wit
 def probe(
     scene: options.Scene,
     *,
-    at: Annotated[str, typer.Option("--at", metavar="X,Y,Z", help="The point (m) that light comes to.")],
-    toward: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="A point (m) that it comes from, or past.")
-    ] = None,
+    at: Annotated[str, Option("--at", metavar="X,Y,Z", help="The point (m) that light comes to.")],
+    toward: Annotated[str | None, Option(metavar="X,Y,Z", help="A point (m) that it comes from, or past.")] = None,
     direction: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="Or the direction in which one looks from `--at`.")
+        str | None, Option(metavar="X,Y,Z", help="Or the direction in which one looks from `--at`.")
     ] = None,
     time: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Time of the scene: 0.5, 20ms.  Default: when its shutter opens.")
+        str | None, Option(metavar="TIME", help="Time of the scene: 0.5, 20ms.  Default: when its shutter opens.")
     ] = None,
     wavelength: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="NM",
             help="Spectral radiance at this wavelength, 380 to 780 nm, relative to that of white light (D65).  "
             "Default: red, green and blue.",
@@ -59,18 +57,18 @@ def probe(
     ] = None,
     output: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             "--output", "-o", metavar="FILE", help="A picture of all directions, .exr .hdr .npy .png .jpg; may repeat."
         ),
     ] = None,
     width: Annotated[
-        int | None, typer.Option(help="With -o: pixels across, twice as many as down.  Default: 1024.", min=2)
+        int | None, Option(help="With -o: pixels across, twice as many as down.  Default: 1024.", min=2)
     ] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
     given: options.GivenOptions,
     as_json: options.AsJson = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    quiet: Annotated[bool, Option("--quiet", "-q", help="No progress.")] = False,
 ) -> None:
     """Measure the plenoptic function: the radiance that comes to a point out of a direction, or out of all."""
     outputs = output or []

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
 from raytracer.util.errors import InputError
@@ -26,18 +26,15 @@ Examples:
 def reference(
     scenes: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="SCENE", help="Scene files; or references (.npz), which are rendered anew as they were."
-        ),
+        Argument(metavar="SCENE", help="Scene files; or references (.npz), which are rendered anew as they were."),
     ],
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder of the references.  Default: references."),
+        Path | None, Option("--output", "-o", metavar="DIR", help="Folder of the references.  Default: references.")
     ] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
-    name: Annotated[str | None, typer.Option(help="Name of the reference.  Default: that of the scene's file.")] = None,
-    width: Annotated[int | None, typer.Option(help="Width of the picture (px).  Default: 64.", min=1)] = None,
+    name: Annotated[str | None, Option(help="Name of the reference.  Default: that of the scene's file.")] = None,
+    width: Annotated[int | None, Option(help="Width of the picture (px).  Default: 64.", min=1)] = None,
     spp: Annotated[int | None, options.declare("spp", "Samples per pixel.  Default: 4096.")] = None,
     seed: Annotated[int | None, options.declare("seed", "Seed of all random numbers.  Default: 12345.")] = None,
     threads: options.Threads = None,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import (
@@ -56,7 +57,7 @@ def render(
     *,
     output: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -70,7 +71,7 @@ def render(
     preview: options.Preview = False,
     cluster: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="URL",
             help="Have the samples taken by the workers of this Dask scheduler, tcp://host:8786 "
             "(pip install 'raytracer[cluster]').  The picture is bit-identical to one rendered here, if their "
@@ -79,7 +80,7 @@ def render(
     ] = None,
     checkpoint: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="TIME|off",
             help="How often to write all samples so far to a file beside the first output, FILE.checkpoint, from which "
             "--resume goes on: 30s, 5min.  If given, it is kept after the render, too.  Default: 60s, and kept "
@@ -88,7 +89,7 @@ def render(
     ] = None,
     resume: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--resume",
             help="Go on from the samples in FILE.checkpoint: after an interrupt, a crash, or with a larger --spp.  The "
             "picture is bit-identical to that of an uninterrupted render.",
@@ -96,11 +97,11 @@ def render(
     ] = False,
     stats: options.Stats = None,
     pixel: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="With --debug: the pixel, from 0,0 in the top left corner.")
+        str | None, Option(metavar="X,Y", help="With --debug: the pixel, from 0,0 in the top left corner.")
     ] = None,
     sample: Annotated[
         int | None,
-        typer.Option(
+        Option(
             help="With --debug: the sample of the pixel, from 0.  Default: the first that is not finite, or else the "
             "brightest.",
             min=0,
@@ -109,13 +110,13 @@ def render(
     ] = None,
     debug: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--debug",
             help="Write no picture: print the path of one sample, vertex by vertex, as it is in the picture that these "
             "options make.",
         ),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="With --debug: print JSON.")] = False,
+    as_json: Annotated[bool, Option("--json", help="With --debug: print JSON.")] = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Render a scene.

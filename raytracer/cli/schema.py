@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 EXAMPLE = """\b
 Example, for an editor with the YAML language server:
@@ -14,9 +14,7 @@ And for files of lenses:
 """
 
 
-def schema(
-    lens: Annotated[bool, typer.Option("--lens", help="That of lens files instead.")] = False,
-) -> None:
+def schema(lens: Annotated[bool, Option("--lens", help="That of lens files instead.")] = False) -> None:
     """Print the JSON Schema of scene files.
 
     It holds every key with its meaning, unit, range and default.

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import print_json, say
@@ -45,11 +45,11 @@ Run it again to go on: points that are done are kept.
     strict="Take warnings for errors: such a point fails.",
 )
 def sweep(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file, or file of a sweep (docs/sweeps.md).")],
+    scene: Annotated[str, Argument(metavar="SCENE", help="Scene file, or file of a sweep (docs/sweeps.md).")],
     *,
     define: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--define",
             "-D",
             metavar="KEY=VALUES",
@@ -59,11 +59,11 @@ def sweep(
     ] = None,
     allow_files: options.AllowFiles = None,
     zipped: Annotated[
-        bool, typer.Option("--zip", help="Take the values of all keys in pairs, in place of all combinations.")
+        bool, Option("--zip", help="Take the values of all keys in pairs, in place of all combinations.")
     ] = False,
     output: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FOLDER",
@@ -71,24 +71,24 @@ def sweep(
         ),
     ] = None,
     formats: Annotated[
-        str, typer.Option("--format", metavar="SUFFIX,...", help="Images of each point: png, jpg, exr, hdr, npy.")
+        str, Option("--format", metavar="SUFFIX,...", help="Images of each point: png, jpg, exr, hdr, npy.")
     ] = "png",
     animate: Annotated[
         list[str] | None,
-        typer.Option(metavar="SUFFIX,...", help="Write an animation of all points too: gif, webp, png.  May repeat."),
+        Option(metavar="SUFFIX,...", help="Write an animation of all points too: gif, webp, png.  May repeat."),
     ] = None,
-    fps: Annotated[float, typer.Option(help="Frames a second of the animation.")] = 5.0,
+    fps: Annotated[float, Option(help="Frames a second of the animation.")] = 5.0,
     given: options.GivenOptions,
     preview: options.Preview = False,
-    max_points: Annotated[int, typer.Option(help="Points that a sweep may have.", min=1)] = 1000,
+    max_points: Annotated[int, Option(help="Points that a sweep may have.", min=1)] = 1000,
     cluster: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="Dask scheduler whose workers render: tcp://host:8786; see docs/cluster.md."),
+        Option(metavar="URL", help="Dask scheduler whose workers render: tcp://host:8786; see docs/cluster.md."),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print the points and their exact values, and render nothing.")
+        bool, Option("--dry-run", help="Print the points and their exact values, and render nothing.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the manifest as JSON.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print the manifest as JSON.")] = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Render a scene with every combination of some values.

@@ -3,6 +3,7 @@
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import say
@@ -16,10 +17,10 @@ Example:
 
 
 def validate(
-    scenes: Annotated[list[str], typer.Argument(metavar="SCENE", help="Scene files.")],
+    scenes: Annotated[list[str], Argument(metavar="SCENE", help="Scene files.")],
     allow_files: options.AllowFiles = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not name the files that are right.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Take warnings for errors.")] = False,
+    quiet: Annotated[bool, Option("--quiet", "-q", help="Do not name the files that are right.")] = False,
 ) -> None:
     """Check scene files, and the files that they name.
 

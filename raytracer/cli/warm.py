@@ -3,7 +3,7 @@
 import time
 from typing import Annotated
 
-import typer
+from typer import Argument
 
 from raytracer.cli.base import options
 
@@ -22,7 +22,7 @@ Example:
     denoise="The renders will be denoised.",
 )
 def warm(
-    scenes: Annotated[list[str], typer.Argument(metavar="SCENE", help="Scene files.")],
+    scenes: Annotated[list[str], Argument(metavar="SCENE", help="Scene files.")],
     *,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,

@@ -333,11 +333,7 @@ _FACTOR = 2
 
 
 def all_in_focus(
-    field: LightField,
-    depth: Depth | None = None,
-    *,
-    threads: int | None = None,
-    update: Update | None = None,
+    field: LightField, depth: Depth | None = None, *, threads: int | None = None, update: Update | None = None
 ) -> FloatArray:
     """Render the scene as one view sees it, sharp at all distances, float64 (height, width, 3).
 

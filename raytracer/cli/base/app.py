@@ -18,6 +18,7 @@ from types import ModuleType
 from typing import Annotated, Any, TextIO
 
 import typer
+from typer import Option
 from typer.exceptions import TyperException
 
 import raytracer.cli
@@ -44,7 +45,7 @@ def _print_version(wanted: bool) -> None:
 
 def options(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)
+        bool, Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
     """Path tracer for scenes in YAML."""

@@ -9,7 +9,7 @@ from inspect import Parameter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
-import typer
+from typer import Argument, Option
 
 from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.scene.preview import EDGE, SPP
@@ -22,26 +22,23 @@ if TYPE_CHECKING:
 
 Value = TypeVar("Value")
 
-Scene = Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")]
+Scene = Annotated[str, Argument(metavar="SCENE", help="Scene file.")]
 Define = Annotated[
-    list[str] | None,
-    typer.Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene: camera.vfov=40."),
+    list[str] | None, Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene: camera.vfov=40.")
 ]
 AllowFiles = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--allow-files",
         metavar="FOLDER",
         help="Where the scene may name files too, besides its own folder; may repeat.  Also: RT_ALLOW_FILES.",
     ),
 ]
-Preview = Annotated[
-    bool, typer.Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")
-]
-Stats = Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")]
-Findings = Annotated[bool, typer.Option("--quiet", "-q", help="No progress; what was found is printed.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Preview = Annotated[bool, Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")]
+Stats = Annotated[Path | None, Option(metavar="FILE.json", help="Write what the render took as JSON.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress and no summary.")]
+Findings = Annotated[bool, Option("--quiet", "-q", help="No progress; what was found is printed.")]
+AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
 
 
 class Invocation(NamedTuple):
@@ -110,7 +107,7 @@ def declare(name: str, text: str | None = None, *default: Any) -> Any:
     """Declare the option that sets a field of `RenderOptions`; `text` is its help, where a command has its own."""
     option = OPTIONS[name]
     least, most = (option.least, option.most) if option.most else (None, None)
-    return typer.Option(*default, _flag(name), metavar=option.metavar, help=text or option.help, min=least, max=most)
+    return Option(*default, _flag(name), metavar=option.metavar, help=text or option.help, min=least, max=most)
 
 
 Seed = Annotated[int | None, declare("seed")]

@@ -155,11 +155,7 @@ def save_picture_so_far(image: "Image", outputs: Sequence[Path], say: Callable[[
 
 
 def write_outputs(
-    rendered: "Rendered",
-    outputs: Sequence[Path],
-    stats: Path | None,
-    resume: ResumeInfo,
-    warn: Callable[[str], object],
+    rendered: "Rendered", outputs: Sequence[Path], stats: Path | None, resume: ResumeInfo, warn: Callable[[str], object]
 ) -> None:
     """Write all files of a finished render.
 

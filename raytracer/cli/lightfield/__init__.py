@@ -7,8 +7,6 @@ import typer
 from raytracer.cli.base.app import add_commands
 
 lightfield = typer.Typer(
-    rich_markup_mode=None,
-    add_completion=False,
-    help="Look around in light fields, and focus them after the shot.",
+    rich_markup_mode=None, add_completion=False, help="Look around in light fields, and focus them after the shot."
 )
 add_commands(lightfield, sys.modules[__name__])

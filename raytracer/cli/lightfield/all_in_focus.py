@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import report_written
@@ -20,11 +20,9 @@ Examples:
 
 def all_in_focus(
     file: File,
-    output: Annotated[list[Path], typer.Option("--output", "-o", metavar="OUT", help="Picture.  May repeat.")],
-    scale: Annotated[int, typer.Option(min=1, max=4, help="Pixels along one of a view.")] = 1,
-    view: Annotated[
-        str | None, typer.Option(metavar="ROW,COLUMN", help="As seen from there.  Default: the middle.")
-    ] = None,
+    output: Annotated[list[Path], Option("--output", "-o", metavar="OUT", help="Picture.  May repeat.")],
+    scale: Annotated[int, Option(min=1, max=4, help="Pixels along one of a view.")] = 1,
+    view: Annotated[str | None, Option(metavar="ROW,COLUMN", help="As seen from there.  Default: the middle.")] = None,
     near: Near = None,
     far: Far = None,
     threads: options.Threads = None,

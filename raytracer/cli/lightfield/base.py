@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from raytracer.cli.base.options import parse_dimension
 from raytracer.schema.units import Dimension
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from raytracer.film.light_field.field import LightField
     from raytracer.film.light_field.lf import OpenField
 
-File = Annotated[str, typer.Argument(metavar="FILE", help="Light field: .lf.")]
-Near = Annotated[str | None, typer.Option(metavar="LENGTH", help="Nothing is nearer: 80cm.  Default: searched for.")]
-Far = Annotated[str | None, typer.Option(metavar="LENGTH", help="Nothing is farther: 5, inf.  Default: searched for.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")]
+File = Annotated[str, Argument(metavar="FILE", help="Light field: .lf.")]
+Near = Annotated[str | None, Option(metavar="LENGTH", help="Nothing is nearer: 80cm.  Default: searched for.")]
+Far = Annotated[str | None, Option(metavar="LENGTH", help="Nothing is farther: 5, inf.  Default: searched for.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="Say nothing.")]
 
 
 def parse_view(option: str, text: str | None) -> tuple[int, int] | None:

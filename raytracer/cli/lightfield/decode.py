@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import print_json, report_written
@@ -31,21 +31,19 @@ is of something evenly bright, at the same zoom and focus; 1.0 in the light fiel
 
 
 def decode(
-    raw: Annotated[str, typer.Argument(metavar="RAW", help="Picture of the sensor behind microlenses.")],
+    raw: Annotated[str, Argument(metavar="RAW", help="Picture of the sensor behind microlenses.")],
     white: Annotated[
         str | None,
-        typer.Option(metavar="WHITE", help="Picture of something evenly bright; default: the grid is sought in RAW."),
+        Option(metavar="WHITE", help="Picture of something evenly bright; default: the grid is sought in RAW."),
     ] = None,
-    dark: Annotated[str | None, typer.Option(metavar="DARK", help="Picture without light, taken off both.")] = None,
+    dark: Annotated[str | None, Option(metavar="DARK", help="Picture without light, taken off both.")] = None,
     grid: Annotated[
-        str | None, typer.Option(metavar="GRID.json", help="Grid of microlenses that --json printed, not to be sought.")
+        str | None, Option(metavar="GRID.json", help="Grid of microlenses that --json printed, not to be sought.")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.lf", help="Light field to write.")
-    ] = None,
+    output: Annotated[Path | None, Option("--output", "-o", metavar="FILE.lf", help="Light field to write.")] = None,
     bayer: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="ORDER",
             help="Colour filters on the first two pixels of the first two rows: rggb, bggr, grbg, gbrg "
             "(needs pip install 'raytracer[bayer]').",
@@ -53,22 +51,17 @@ def decode(
     ] = None,
     views: Annotated[
         int | None,
-        typer.Option(
-            help="Views in a row and in a column; default: the largest odd number that fits under a microlens."
-        ),
+        Option(help="Views in a row and in a column; default: the largest odd number that fits under a microlens."),
     ] = None,
-    srgb: Annotated[
-        bool, typer.Option("--srgb", help="Files of 8 and 16 bits hold display values, not light.")
-    ] = False,
-    pixel_pitch: Annotated[str | None, typer.Option(metavar="LENGTH", help="Of the sensor: 1.4um.")] = None,
-    focal_length: Annotated[str | None, typer.Option(metavar="LENGTH", help="Of the main lens: 50mm.")] = None,
-    f_number: Annotated[float | None, typer.Option(metavar="N", help="Of the main lens.")] = None,
+    srgb: Annotated[bool, Option("--srgb", help="Files of 8 and 16 bits hold display values, not light.")] = False,
+    pixel_pitch: Annotated[str | None, Option(metavar="LENGTH", help="Of the sensor: 1.4um.")] = None,
+    focal_length: Annotated[str | None, Option(metavar="LENGTH", help="Of the main lens: 50mm.")] = None,
+    f_number: Annotated[float | None, Option(metavar="N", help="Of the main lens.")] = None,
     microlens_distance: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH", help="From microlenses to sensor: 25um; default: what fits the f-number."),
+        str | None, Option(metavar="LENGTH", help="From microlenses to sensor: 25um; default: what fits the f-number.")
     ] = None,
     focus_distance: Annotated[
-        str, typer.Option(metavar="LENGTH", help="Plane that is sharp on the microlenses, from the lens: 1.5m.")
+        str, Option(metavar="LENGTH", help="Plane that is sharp on the microlenses, from the lens: 1.5m.")
     ] = "inf",
     as_json: options.AsJson = False,
     quiet: Quiet = False,

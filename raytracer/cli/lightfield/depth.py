@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import print_json, report_written
@@ -46,14 +46,14 @@ _ALMOST_ALL = f"{100.0 * (1.0 - 2.0 * _TAILS):g} %"
 def depth(
     file: File,
     output: Annotated[
-        list[Path] | None, typer.Option("--output", "-o", metavar="OUT", help=".png .exr .npy .pfm.  May repeat.")
+        list[Path] | None, Option("--output", "-o", metavar="OUT", help=".png .exr .npy .pfm.  May repeat.")
     ] = None,
     confidence: Annotated[
-        Path | None, typer.Option(metavar="OUT", help="How sure each pixel is, 0 to 1: .png .npy .pfm.")
+        Path | None, Option(metavar="OUT", help="How sure each pixel is, 0 to 1: .png .npy .pfm.")
     ] = None,
-    method: Annotated[str, typer.Option(help="focus, slopes, or both.")] = "both",
+    method: Annotated[str, Option(help="focus, slopes, or both.")] = "both",
     view: Annotated[
-        str | None, typer.Option(metavar="ROW,COLUMN", help="What is seen from there.  Default: the middle.")
+        str | None, Option(metavar="ROW,COLUMN", help="What is seen from there.  Default: the middle.")
     ] = None,
     near: Near = None,
     far: Far = None,

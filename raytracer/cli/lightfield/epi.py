@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
@@ -21,18 +21,17 @@ Examples:
 def epi(
     file: File,
     output: Annotated[
-        Path,
-        typer.Option("--output", "-o", metavar="OUT", help=".png or .jpg with axes; .exr .hdr .npy, a line each view."),
+        Path, Option("--output", "-o", metavar="OUT", help=".png or .jpg with axes; .exr .hdr .npy, a line each view.")
     ],
     line: Annotated[
-        int | None, typer.Option(metavar="N", help="Row of pixels (or column), from 0.  Default: the middle.")
+        int | None, Option(metavar="N", help="Row of pixels (or column), from 0.  Default: the middle.")
     ] = None,
     views: Annotated[
-        int | None, typer.Option(metavar="N", help="Row of views (or column), from 0.  Default: the middle.")
+        int | None, Option(metavar="N", help="Row of views (or column), from 0.  Default: the middle.")
     ] = None,
-    vertical: Annotated[bool, typer.Option("--vertical", help="A column of pixels from a column of views.")] = False,
+    vertical: Annotated[bool, Option("--vertical", help="A column of pixels from a column of views.")] = False,
     distance: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="What is there stands upright.  Default: where views meet.")
+        str | None, Option(metavar="LENGTH", help="What is there stands upright.  Default: where views meet.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:

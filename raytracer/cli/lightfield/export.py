@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import File, Quiet, check_folder, check_outputs, open_light_field
@@ -25,10 +25,10 @@ A geometry.json beside them says what their names do not: rt lightfield import t
 
 def export(
     file: File,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write, or a .npy file.")],
-    naming: Annotated[str | None, typer.Option(metavar="NAME", help="grid, stanford or hci.  Default: grid.")] = None,
+    output: Annotated[Path, Option("--output", "-o", metavar="FOLDER", help="Folder to write, or a .npy file.")],
+    naming: Annotated[str | None, Option(metavar="NAME", help="grid, stanford or hci.  Default: grid.")] = None,
     suffix: Annotated[
-        str | None, typer.Option("--format", metavar="SUFFIX", help="Of the views: png jpg exr hdr npy.  Default: png.")
+        str | None, Option("--format", metavar="SUFFIX", help="Of the views: png jpg exr hdr npy.  Default: png.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:

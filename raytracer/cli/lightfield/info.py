@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import print_json
@@ -23,9 +23,7 @@ Examples:
 
 def info(
     file: File,
-    check: Annotated[
-        bool, typer.Option("--check", help="Read everything, and fail where the file is damaged.")
-    ] = False,
+    check: Annotated[bool, Option("--check", help="Read everything, and fail where the file is damaged.")] = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Show what a light field holds: views, their places and pixels, and where it can be focused."""

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import report_written
@@ -21,18 +21,18 @@ Examples:
 
 def move(
     file: File,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help=".gif or .webp, which runs for ever.")],
-    path: Annotated[str, typer.Option(help="circle, right (and back), up (and back), or eight.")] = "circle",
+    output: Annotated[Path, Option("--output", "-o", metavar="OUT", help=".gif or .webp, which runs for ever.")],
+    path: Annotated[str, Option(help="circle, right (and back), up (and back), or eight.")] = "circle",
     radius: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Half the path's width.  Default: as far as there are views.")
+        str | None, Option(metavar="LENGTH", help="Half the path's width.  Default: as far as there are views.")
     ] = None,
-    frames: Annotated[int, typer.Option(min=2, max=1000, help="Of the animation.")] = 24,
-    fps: Annotated[float, typer.Option(help="Frames a second, at most 50.")] = 12.0,
+    frames: Annotated[int, Option(min=2, max=1000, help="Of the animation.")] = 24,
+    fps: Annotated[float, Option(help="Frames a second, at most 50.")] = 12.0,
     depth: Annotated[
-        bool, typer.Option("--depth/--no-depth", help="Take each point from where its depth puts it, or blend views.")
+        bool, Option("--depth/--no-depth", help="Take each point from where its depth puts it, or blend views.")
     ] = True,
     distance: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="The plane that is sharp between views, with --no-depth.")
+        str | None, Option(metavar="LENGTH", help="The plane that is sharp between views, with --no-depth.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import print_json, report_written
@@ -40,11 +40,11 @@ def refocus(
     file: File,
     output: Annotated[
         list[Path],
-        typer.Option("--output", "-o", metavar="OUT", help=".png .jpg .exr .hdr .npy, or .gif .webp.  May repeat."),
+        Option("--output", "-o", metavar="OUT", help=".png .jpg .exr .hdr .npy, or .gif .webp.  May repeat."),
     ],
     distance: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--distance",
             "-d",
             metavar="LENGTH",
@@ -54,45 +54,38 @@ def refocus(
     ] = None,
     alpha: Annotated[
         float | None,
-        typer.Option(metavar="A", help="In place of a distance: how many times as far from the lens the film is."),
+        Option(metavar="A", help="In place of a distance: how many times as far from the lens the film is."),
     ] = None,
     slope: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="PX",
             help="In place of a distance: pixels by which what is in focus moves from view to view; also a range.",
         ),
     ] = None,
     f_number: Annotated[
-        float | None, typer.Option("--f-number", metavar="N", help="Aperture.  Default: all that there is.")
+        float | None, Option("--f-number", metavar="N", help="Aperture.  Default: all that there is.")
     ] = None,
     aperture: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Its diameter, in place of an f-number: 40mm (plain: metres).")
+        str | None, Option(metavar="LENGTH", help="Its diameter, in place of an f-number: 40mm (plain: metres).")
     ] = None,
     aperture_shape: Annotated[
-        str | None, typer.Option(metavar="SHAPE", help="Its shape, as in a scene: {type: polygon, blades: 6}.")
+        str | None, Option(metavar="SHAPE", help="Its shape, as in a scene: {type: polygon, blades: 6}.")
     ] = None,
     center: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="Its middle, right and up from that of the lens: 2mm,0.")
+        str | None, Option(metavar="X,Y", help="Its middle, right and up from that of the lens: 2mm,0.")
     ] = None,
-    tilt: Annotated[
-        str, typer.Option(metavar="ANGLE", help="By how much the plane of focus leans away at its top.")
-    ] = "0",
-    swing: Annotated[str, typer.Option(metavar="ANGLE", help="By how much it leans away to the right.")] = "0",
+    tilt: Annotated[str, Option(metavar="ANGLE", help="By how much the plane of focus leans away at its top.")] = "0",
+    swing: Annotated[str, Option(metavar="ANGLE", help="By how much it leans away to the right.")] = "0",
     method: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME", help="shift, fourier (sooner done for many planes), or rays, where they are kept."
-        ),
+        str, Option(metavar="NAME", help="shift, fourier (sooner done for many planes), or rays, where they are kept.")
     ] = "shift",
     interpolation: Annotated[
-        str, typer.Option(metavar="NAME", help="Between pixels, of shift: lanczos, cubic or linear.")
+        str, Option(metavar="NAME", help="Between pixels, of shift: lanczos, cubic or linear.")
     ] = "lanczos",
-    scale: Annotated[
-        float, typer.Option(metavar="X", help="Of rays: pixels of the picture along one of the views'.")
-    ] = 1.0,
+    scale: Annotated[float, Option(metavar="X", help="Of rays: pixels of the picture along one of the views'.")] = 1.0,
     crop: options.Crop = None,
-    fps: Annotated[float, typer.Option(help="Pictures a second of an animation.", min=0.1, max=50.0)] = 8.0,
+    fps: Annotated[float, Option(help="Pictures a second of an animation.", min=0.1, max=50.0)] = 8.0,
     as_json: options.AsJson = False,
     quiet: Quiet = False,
 ) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import check_files, parse_checkpoint_interval, report_faults, resume_command
@@ -42,14 +43,14 @@ Examples:
 )
 def render(
     context: typer.Context,
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file, of a camera with many views.")],
+    scene: Annotated[str, Argument(metavar="SCENE", help="Scene file, of a camera with many views.")],
     *,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.lf", help="Light field to write.")],
+    output: Annotated[Path, Option("--output", "-o", metavar="FILE.lf", help="Light field to write.")],
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
     memory: Annotated[
         str,
-        typer.Option(
+        Option(
             metavar="SIZE",
             help="Memory that pictures may take, besides the scene: 2GB, 500MB.  Where all views take more, they are "
             "rendered in parts.",
@@ -57,26 +58,23 @@ def render(
     ] = "2GB",
     given: options.GivenOptions,
     dtype: Annotated[
-        str, typer.Option(metavar="TYPE", help="Numbers of the radiance in the file: float16, float32 or float64.")
+        str, Option(metavar="TYPE", help="Numbers of the radiance in the file: float16, float32 or float64.")
     ] = "float32",
     compress: Annotated[
-        bool, typer.Option("--compress", help="Compress the file: a fifth smaller, and slower to read.")
+        bool, Option("--compress", help="Compress the file: a fifth smaller, and slower to read.")
     ] = False,
     cluster: Annotated[
-        str | None,
-        typer.Option(metavar="URL", help="Have the samples taken by the workers of this Dask scheduler."),
+        str | None, Option(metavar="URL", help="Have the samples taken by the workers of this Dask scheduler.")
     ] = None,
     checkpoint: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="TIME|off",
             help="How often to write all samples so far to files beside the output, FILE.lf.1.checkpoint for the first "
             "part, until the light field is there: 5min.  Default: 60s.",
         ),
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on from these files, after an interrupt or a crash.")
-    ] = False,
+    resume: Annotated[bool, Option("--resume", help="Go on from these files, after an interrupt or a crash.")] = False,
     stats: options.Stats = None,
     quiet: options.Quiet = False,
 ) -> None:

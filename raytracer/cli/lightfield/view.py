@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import report_written
@@ -28,12 +28,12 @@ _MOST_EV = 64.0
 def view(
     file: File,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="PAGE.html", help="Default: outputs/FILE.html.")
+        Path | None, Option("--output", "-o", metavar="PAGE.html", help="Default: outputs/FILE.html.")
     ] = None,
-    size: Annotated[str, typer.Option(metavar="BYTES", help="Size that the page has at most: 10MB.")] = "40MB",
+    size: Annotated[str, Option(metavar="BYTES", help="Size that the page has at most: 10MB.")] = "40MB",
     exposure: Annotated[
         str | None,
-        typer.Option(metavar="EV", help="Exposure with which it is first shown: +2.  Default: 0, unless it is dark."),
+        Option(metavar="EV", help="Exposure with which it is first shown: +2.  Default: 0, unless it is dark."),
     ] = None,
     quiet: Quiet = False,
 ) -> None:

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Option
 
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
@@ -29,30 +29,25 @@ Examples:
 
 def views(
     file: File,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="Picture; with --all, a folder.")],
-    view: Annotated[str | None, typer.Option(metavar="ROW,COLUMN", help="One view, counted from 0.")] = None,
+    output: Annotated[Path, Option("--output", "-o", metavar="OUT", help="Picture; with --all, a folder.")],
+    view: Annotated[str | None, Option(metavar="ROW,COLUMN", help="One view, counted from 0.")] = None,
     at: Annotated[
         str | None,
-        typer.Option(metavar="X,Y", help="What is seen from a place: lengths to the right and up from the middle."),
+        Option(metavar="X,Y", help="What is seen from a place: lengths to the right and up from the middle."),
     ] = None,
     depth: Annotated[
-        bool,
-        typer.Option("--depth", help="With --at: take each point from where its depth puts it in the views around."),
+        bool, Option("--depth", help="With --at: take each point from where its depth puts it in the views around.")
     ] = False,
     distance: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="With --at: the plane that is sharp, without --depth.")
+        str | None, Option(metavar="LENGTH", help="With --at: the plane that is sharp, without --depth.")
     ] = None,
     scale: Annotated[
-        int, typer.Option(min=1, max=4, help="With --view: pixels along one, from what all views know of it.")
+        int, Option(min=1, max=4, help="With --view: pixels along one, from what all views know of it.")
     ] = 1,
-    every: Annotated[
-        bool, typer.Option("--all", help="All views that got light, each in a file: view_ROW_COLUMN.")
-    ] = False,
-    suffix: Annotated[
-        str, typer.Option("--format", metavar="SUFFIX", help="Of these files: png jpg exr hdr npy.")
-    ] = "png",
+    every: Annotated[bool, Option("--all", help="All views that got light, each in a file: view_ROW_COLUMN.")] = False,
+    suffix: Annotated[str, Option("--format", metavar="SUFFIX", help="Of these files: png jpg exr hdr npy.")] = "png",
     width: Annotated[
-        int | None, typer.Option(min=1, max=65500, help="Of the montage in pixels, at most.  Default: 4096.")
+        int | None, Option(min=1, max=65500, help="Of the montage in pixels, at most.  Default: 4096.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:

@@ -64,10 +64,7 @@ class FourierRefocuser:
     """
 
     def __init__(
-        self,
-        field: LightField,
-        inverses: Sequence[float] | None = None,
-        weights: NDArray[np.float64] | None = None,
+        self, field: LightField, inverses: Sequence[float] | None = None, weights: NDArray[np.float64] | None = None
     ) -> None:
         from scipy import fft
 

@@ -36,9 +36,7 @@ def montage(field: LightField, *, width: int | None = None, gap: int = 2) -> Flo
     factor = max(1, math.ceil(views.width / view_width))
     factor = min(factor, views.width, views.height)
     small = views.height // factor, views.width // factor
-    whole = np.ones(
-        (views.rows * (small[0] + gap) - gap, views.columns * (small[1] + gap) - gap, 3),
-    )
+    whole = np.ones((views.rows * (small[0] + gap) - gap, views.columns * (small[1] + gap) - gap, 3))
     lit = lit_views(field)
     for row in range(views.rows):
         for column in range(views.columns):

@@ -98,12 +98,7 @@ def _triangle_weights(
 
 
 def view_at(
-    field: LightField,
-    right: float,
-    up: float,
-    *,
-    depth: Depth | None = None,
-    distance: float | None = None,
+    field: LightField, right: float, up: float, *, depth: Depth | None = None, distance: float | None = None
 ) -> FloatArray:
     """Render the view of a pinhole at a place in the plane of the views, float64 (height, width, 3).
 

@@ -314,12 +314,7 @@ def _write_string(owner: Any, name: str, text: str) -> None:
 
 
 def write(
-    path: str | Path,
-    field: LightField,
-    *,
-    dtype: str = "float32",
-    compress: bool = False,
-    update: Update | None = None,
+    path: str | Path, field: LightField, *, dtype: str = "float32", compress: bool = False, update: Update | None = None
 ) -> None:
     """Write a light field as an `.lf` file.
 
