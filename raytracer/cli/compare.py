@@ -86,12 +86,8 @@ def compare(
 
     names = None if metric is None else normalize_metric_names(name for text in metric for name in text.split(","))
     checks = normalize_criteria(PassCriteria(above, below, test, ALPHA if alpha is None else alpha))
-    comparison: Comparison | FolderComparison
-    if are_folders:
-        comparison = _compare_folders(a, b, names, checks, pictures, quiet)
-    else:
-        check_files(picture.path for picture in pictures)
-        comparison = _compare_files(a, b, names, checks, pictures, quiet)
+    compare_both = _compare_folders if are_folders else _compare_files
+    comparison: Comparison | FolderComparison = compare_both(a, b, names, checks, pictures, quiet)
     if as_json:
         print_json(comparison.json())
     else:
@@ -156,6 +152,7 @@ def _compare_files(
     from raytracer.analysis.compare import compare_images, encode, read
     from raytracer.util.atomic_write import write_bytes
 
+    check_files(picture.path for picture in pictures)
     comparison = compare_images(read(a, "A"), read(b, "B"), names, checks)
     # What cannot be shown is known before anything is written.
     files = [(picture.path, encode(comparison, picture.kind)) for picture in pictures]

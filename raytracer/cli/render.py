@@ -15,12 +15,12 @@ from raytracer.cli.base.outputs import (
     dry_run_save,
     find_checkpoint_path,
     parse_checkpoint_interval,
+    print_json,
     save_picture_so_far,
     say,
     write_outputs,
 )
-from raytracer.cli.base.render_report import RenderReport, describe_delay
-from raytracer.cli.base.sample_path import DebugCommand, check_debug_options, parse_pixel, print_path
+from raytracer.cli.base.render_report import DebugCommand, RenderReport, describe_delay
 from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.scene.preview import SPP, preview_scene
 from raytracer.util.errors import InputError, Interrupted
@@ -124,8 +124,12 @@ def render(
     Ctrl-C or SIGTERM ends the render early and writes the picture so far, and what --resume goes on from; a second one
     ends it at once.  SIGHUP writes the picture so far, and the render goes on.
     """
-    position = None if pixel is None else parse_pixel(pixel)
-    check_debug_options(position, sample, is_on=debug, as_json=as_json)
+    position = None if pixel is None else _parse_pixel(pixel)
+    if debug and position is None:
+        raise InputError("--debug needs --pixel X,Y, the pixel whose path it is to print")
+    for name, is_given in (("--pixel", pixel is not None), ("--sample", sample is not None), ("--json", as_json)):
+        if is_given and not debug:
+            raise InputError(f"{name} needs --debug, which prints the path of one sample")
     if debug and (resume or checkpoint is not None):
         raise InputError(f"--{'resume' if resume else 'checkpoint'} is for pictures, and --debug makes none")
     outputs = output or [Path("outputs") / f"{Path(scene).stem}.png"]
@@ -151,7 +155,7 @@ def render(
             spp = min(request.options.spp or spec.render.spp, SPP)
             request = request._replace(options=replace(request.options, spp=spp))
     if position is not None:
-        print_path(spec, position, sample, request.options, as_json=as_json)
+        _print_path(spec, position, sample, request.options, as_json=as_json)
         return
     command = DebugCommand(scene, define or [], preview, given)
     rendered = _render(request, spec, context.obj, command)
@@ -161,6 +165,28 @@ def render(
         say(describe_delay(rendered, limit, seconds))
     if is_interrupted:
         raise Interrupted
+
+
+def _parse_pixel(text: str) -> tuple[int, int]:
+    try:
+        x, y = map(int, text.split(","))
+    except ValueError:
+        raise InputError(f"--pixel {text}: must be two integers, X,Y") from None
+    return x, y
+
+
+def _print_path(
+    spec: "SceneSpec", pixel: tuple[int, int], sample: int | None, options: RenderOptions, *, as_json: bool
+) -> None:
+    """Print the path of one sample; see `path_debug.trace_sample`."""
+    from raytracer.rendering.path_debug import trace_sample
+    from raytracer.rendering.path_text import format_path
+
+    path = trace_sample(spec, pixel, sample, options)
+    if as_json:
+        print_json(path.json())
+    else:
+        print(format_path(path), end="")
 
 
 class _Request(NamedTuple):

@@ -174,7 +174,8 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
     except MemoryError:
         return _fail(FAILED, "out of memory", unexpected=True)
     except OSError as error:
-        return _fail(FAILED, _system_error(error), unexpected=True)
+        place = f"{error.filename}: " if error.filename else ""
+        return _fail(FAILED, f"{place}{error.strerror or error}", unexpected=True)
     except Exception as error:  # noqa: BLE001
         return _fail(
             FAILED, f"internal error, {type(error).__name__}: {error} (RT_TRACEBACK=1 shows where)", unexpected=True
@@ -188,11 +189,6 @@ def _plain(message: str) -> str:
     message = message.rstrip(".").partition(", unable to parse")[0].replace("Input should be", "must be")
     message = message.replace(": Value error, ", ": ")
     return message.replace("a valid integer", "an integer").replace("a valid number", "a number")
-
-
-def _system_error(error: OSError) -> str:
-    reason = error.strerror or str(error)
-    return f"{error.filename}: {reason}" if error.filename else reason
 
 
 def _fail(status: int, sentence: str, *, unexpected: bool = False) -> int:

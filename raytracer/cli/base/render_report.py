@@ -1,13 +1,14 @@
 """The sentences on stderr about a finished render: what was made, what it took, and what looks wrong."""
 
+import shlex
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from raytracer.cli.base.options import GivenOptions
 from raytracer.cli.base.outputs import ResumeInfo, join_paths, report_faults, say
-from raytracer.cli.base.sample_path import DebugCommand
 from raytracer.rendering.options import RenderOptions
 from raytracer.report.wording import format_given_percent, format_percent, format_percent_interval, megabytes, plural
 from raytracer.util.errors import OutputError
@@ -18,6 +19,28 @@ if TYPE_CHECKING:
 
 # Fewer samples per pixel tell too little of the error.
 _SPP_FOR_ERROR = 16
+
+
+class DebugCommand(NamedTuple):
+    """The options of a render that decide what a sample of its picture is, as they were given."""
+
+    scene: str
+    define: list[str]
+    preview: bool
+    given: GivenOptions
+
+    def line(self, pixel: Sequence[int], sample: int | None = None) -> str:
+        """Return the command line that prints the path of a sample."""
+        words = ["rt", "render", self.scene]
+        for text in self.define:
+            words += ["-D", text]
+        words += ["--preview"] if self.preview else []
+        for name in ("spp", "seed", "noise", "time_limit"):
+            value = self.given.words[name]
+            words += [] if value is None else [f"--{name.replace('_', '-')}", str(value)]
+        words += ["--pixel", ",".join(map(str, pixel))]
+        words += [] if sample is None else ["--sample", str(sample)]
+        return shlex.join([*words, "--debug"])
 
 
 class RenderReport(NamedTuple):

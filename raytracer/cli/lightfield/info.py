@@ -42,13 +42,10 @@ def info(
 def _read_all(field: "LightField") -> None:
     import numpy as np
 
-    for array in (field.radiance, *field.layers.values()):
-        for row in range(field.views.rows):
-            for column in range(field.views.columns):
-                array[row, column]
-    if field.samples is not None:
-        for index in np.ndindex(field.views.rows, field.views.columns):
-            field.samples.value[index]
+    samples = () if field.samples is None else (field.samples.value,)
+    for array in (field.radiance, *field.layers.values(), *samples):
+        for view in np.ndindex(field.views.rows, field.views.columns):
+            array[view]
     for part in field.rays or ():
         part[:]
 
@@ -91,16 +88,14 @@ def _numbers(field: "LightField") -> dict[str, Any]:
         },
         "microlenses": 0 if field.samples is None else len(field.samples.place),
         "rays": 0 if field.rays is None else len(field.rays.weight),
-        "settings": {key: value if isinstance(value, int) else _plain(value) for key, value in field.settings.items()},
+        "settings": {
+            key: _number(value) if isinstance(value, float) else value for key, value in field.settings.items()
+        },
     }
 
 
 def _number(value: float) -> float | str:
     return value if math.isfinite(value) else str(value)
-
-
-def _plain(value: str | float) -> str | float:
-    return _number(value) if isinstance(value, float) else value
 
 
 def _format(info: dict[str, Any]) -> str:

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
@@ -56,24 +56,17 @@ def views(
     Places are in metres in the plane of the views (plain numbers too; 3mm, 1cm): rt lightfield info says how far it
     goes.
     """
-    wanted: Literal["view", "at", "all", "montage"] = "montage"
     if sum((view is not None, at is not None, every)) > 1:
         raise InputError("--view, --at and --all each ask for something else: give one of them")
-    if view is not None:
-        wanted = "view"
-    elif at is not None:
-        wanted = "at"
-    elif every:
-        wanted = "all"
-    if wanted != "at" and (depth or distance is not None):
+    if at is None and (depth or distance is not None):
         raise InputError("--depth and --distance say how a view between others is made: give --at too")
     if depth and distance is not None:
         raise InputError("--depth and --distance: give one of them")
-    if scale > 1 and wanted != "view":
+    if scale > 1 and view is None:
         raise InputError("--scale makes one view larger: give --view too")
     index, position = parse_view("--view", view), None if at is None else parse_position("--at", at)
     plane = parse_distance("--distance", distance)
-    if wanted == "all":
+    if every:
         if output.suffix.lower() in base.picture_suffixes() and not output.is_dir():
             raise InputError(f"-o {output}: --all writes a file for each view, and -o names their folder")
         base.check_folder(output)
@@ -93,7 +86,7 @@ def views(
 
     with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         geometry = field.views
-        if wanted == "all":
+        if every:
             _save_all(field, output, ending, bar.update, quiet)
             return
         with base.name_in_errors(file):
@@ -118,14 +111,13 @@ def views(
 def _save_all(field: "LightField", folder: Path, ending: str, update: "Update", quiet: bool) -> None:
     """Write all views that any light came to, each in a file with its row and column; say how many got none."""
     from raytracer.lightfield.coverage import lit_views
+    from raytracer.util.progress import report_progress
 
     lit = lit_views(field)
     digits = len(str(max(lit.shape) - 1))
-    wanted = [divmod(number, lit.shape[1]) for number in lit.ravel().nonzero()[0].tolist()]
-    for number, (row, column) in enumerate(wanted, 1):
-        name = f"view_{row:0{digits}}_{column:0{digits}}{ending}"
-        base.save_picture(field.view(row, column), folder / name, field)
-        update(number, len(wanted))
+    wanted = list(zip(*lit.nonzero(), strict=True))
+    for row, column in report_progress(wanted, update):
+        base.save_picture(field.view(row, column), folder / f"view_{row:0{digits}}_{column:0{digits}}{ending}", field)
     if not quiet:
         left_out = lit.size - len(wanted)
         note = f"; {left_out} others got no light" if left_out else ""
@@ -133,12 +125,7 @@ def _save_all(field: "LightField", folder: Path, ending: str, update: "Update", 
 
 
 def _check_within(views: "Views", option: str | None, position: tuple[float, float]) -> None:
-    """Make sure that views are around a place: nothing is known beyond them.
-
-    Raises
-    ------
-    InputError : it is farther out than any view.
-    """
+    """Make sure that views are around a place: nothing is known beyond them."""
     import numpy as np
 
     from raytracer.lightfield.coverage import within_lens
