@@ -15,13 +15,13 @@ MAX_FPS = 1000.0 / (TICK_MS * MIN_TICKS)
 """Frames a second, at most."""
 
 
-def check(kind: str, fps: float, *, kind_option: str = "--animate", fps_option: str = "--fps") -> None:
+def check(kind: str, fps: float) -> None:
     """Raise an InputError if there are no animations of a suffix (without its dot), or `fps` is not in 0..50."""
     if f".{kind}" not in animation_suffixes():
         known = ", ".join(suffix.removeprefix(".") for suffix in animation_suffixes())
-        raise InputError(f"{kind_option} {kind}: must be one of {known}")
+        raise InputError(f"--animate {kind}: must be one of {known}")
     if not 0.0 < fps <= MAX_FPS:
-        raise InputError(f"{fps_option} {fps:g}: must be greater than 0 and at most {MAX_FPS:g}")
+        raise InputError(f"--fps {fps:g}: must be greater than 0 and at most {MAX_FPS:g}")
 
 
 def encode(frames: Sequence[NDArray[np.uint8]], kind: str, *, fps: float = 5.0, boomerang: bool = False) -> bytes:

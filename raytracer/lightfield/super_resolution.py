@@ -173,10 +173,9 @@ class _ValueBounds:
 
     def contain(self, values: FloatArray, rows: FloatArray, columns: FloatArray) -> NDArray[np.bool_]:
         """Test linear values (n, 3) against the bounds of the pixels at places (n,), in all channels: bool (n,)."""
-        row, column = (
-            np.clip(np.rint(places), 0, size - 1).astype(np.int64)
-            for places, size in zip((rows, columns), self._low.shape[:2], strict=True)
-        )
+        height, width = self._low.shape[:2]
+        row = np.clip(np.rint(rows), 0, height - 1).astype(np.int64)
+        column = np.clip(np.rint(columns), 0, width - 1).astype(np.int64)
         low, high = self._low[row, column], self._high[row, column]
         shown = sqrt_tone(values)
         is_within = ((shown >= low) & (shown <= high)).all(axis=-1)

@@ -17,7 +17,7 @@ from raytracer.lightfield.formats.folders import NAMINGS, Naming, list_images
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 from raytracer.util.atomic_write import atomic_write, wrap_os_errors, write_bytes
 from raytracer.util.errors import InputError
-from raytracer.util.progress import Update
+from raytracer.util.progress import Update, report_progress
 
 
 class Exported(NamedTuple):
@@ -83,22 +83,18 @@ def export_views(
     views = field.views
     written: list[Path] = []
     bright = 0
-    for row, names in enumerate(_view_names(views, naming, suffix)):
-        for column, name in enumerate(names):
-            radiance = field.view(row, column)
-            image_file.save(Image(radiance), folder / name)
-            bright += int(np.count_nonzero(radiance > 1.0))
-            written.append(folder / name)
-            if update is not None:
-                update(len(written), views.rows * views.columns)
+    names = _view_names(views, naming, suffix)
+    for row, column in report_progress(list(np.ndindex(views.rows, views.columns)), update):
+        radiance = field.view(row, column)
+        written.append(folder / names[row][column])
+        image_file.save(Image(radiance), written[-1])
+        bright += int(np.count_nonzero(radiance > 1.0))
     if naming == "hci":
         written += _write_ground_truth(field, folder)
-    units = str(field.settings["units"]) if "units" in field.settings else None
-    write_bytes(folder / geometry.FILE, geometry.to_json(views, units))
+    write_bytes(folder / geometry.FILE, geometry.to_json(views, field.settings.get("units")))
     written.append(folder / geometry.FILE)
-    is_clipped = suffix in display_suffixes()
     values = views.rows * views.columns * views.height * views.width * 3
-    return Exported(written, bright / values if is_clipped else 0.0)
+    return Exported(written, bright / values if suffix in display_suffixes() else 0.0)
 
 
 def export_array(field: LightField, path: str | Path) -> list[Path]:
@@ -113,12 +109,10 @@ def export_array(field: LightField, path: str | Path) -> list[Path]:
     header = {"descr": dtype.str, "fortran_order": False, "shape": tuple(np.shape(field.radiance))}
     with atomic_write(path) as aside, wrap_os_errors(path), aside.open("wb") as file:
         np.lib.format.write_array_header_2_0(file, header)
-        for row in range(field.views.rows):
-            for column in range(field.views.columns):
-                file.write(np.ascontiguousarray(field.radiance[row, column], dtype=dtype).tobytes())
+        for view in np.ndindex(field.views.rows, field.views.columns):
+            file.write(np.ascontiguousarray(field.radiance[view], dtype=dtype).tobytes())
     beside = path.with_suffix(f".{geometry.FILE}")
-    units = str(field.settings["units"]) if "units" in field.settings else None
-    write_bytes(beside, geometry.to_json(field.views, units))
+    write_bytes(beside, geometry.to_json(field.views, field.settings.get("units")))
     return [path, beside]
 
 

@@ -81,7 +81,7 @@ def make_views(
     return Views(position, plane, width, height, inverse), {}
 
 
-def to_json(views: Views, units: str | None) -> bytes:
+def to_json(views: Views, units: str | float | None) -> bytes:
     """Write a geometry as JSON (UTF-8)."""
     values: dict[str, Any] = {"width": views.width, "height": views.height, **views.plane._asdict()}
     values |= {name: getattr(views, name) for name in _NUMBERS}
@@ -95,8 +95,7 @@ def read(path: Path) -> tuple[Views, dict[str, str]]:
     """Read a geometry from a JSON file, and the settings that say its units; an InputError says that it is none."""
     try:
         values = json.loads(read_regular(path, _LARGEST))
-        pose = values.get("pose")
-        cell = values.get("cell")
+        pose, cell = values.get("pose"), values.get("cell")
         views = Views(
             position=np.array(values["position"], dtype=np.float64),
             plane=Plane(*(float(values[name]) for name in Plane._fields)),
@@ -106,7 +105,7 @@ def read(path: Path) -> tuple[Views, dict[str, str]]:
             cell=None if cell is None else (float(cell[0]), float(cell[1])),
             aperture=None if "aperture" not in values else float(values["aperture"]),
             focal_length=None if "focal_length" not in values else float(values["focal_length"]),
-            pose=None if pose is None else Pose(*(_triple(pose[name]) for name in Pose._fields)),
+            pose=None if pose is None else Pose.of(pose[name] for name in Pose._fields),
         )
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
@@ -115,8 +114,3 @@ def read(path: Path) -> tuple[Views, dict[str, str]]:
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
         raise InputError(f"{path}: is no geometry of a light field, or a broken one") from error
     return views, {"units": "views"} if values.get("units") == "views" else {}
-
-
-def _triple(numbers: Any) -> tuple[float, float, float]:
-    x, y, z = map(float, numbers)
-    return x, y, z

@@ -126,14 +126,8 @@ def _pose(numbers: list[float]) -> Pose | None:
 
     if not all(map(math.isfinite, numbers)):
         return None
-    right, up, backward = Rotation.from_euler("xyz", numbers[3:]).as_matrix().T.tolist()
-    x, y, z = numbers[:3]
-    return Pose((x, y, z), _triple(right), _triple(up), _triple([-part for part in backward]))
-
-
-def _triple(numbers: list[float]) -> tuple[float, float, float]:
-    x, y, z = numbers
-    return x, y, z
+    right, up, backward = Rotation.from_euler("xyz", numbers[3:]).as_matrix().T
+    return Pose.of([numbers[:3], right, up, -backward])
 
 
 def grid_spacing(views: Views) -> float:
@@ -198,9 +192,7 @@ def to_cfg(views: Views, name: str, disparity: NDArray[np.float64] | None) -> by
 
 def _f_number(views: Views, focal_length: float) -> float:
     """Compute the f-number of one view: that of the disc as large as its cell."""
-    if views.cell is None:
-        return _PINHOLE
-    diameter = 2.0 * math.sqrt(views.cell[0] * views.cell[1] / math.pi)
+    diameter = 0.0 if views.cell is None else 2.0 * math.sqrt(views.cell[0] * views.cell[1] / math.pi)
     return focal_length * METRES_PER_MILLIMETRE / diameter if diameter > 0.0 else _PINHOLE
 
 

@@ -41,12 +41,8 @@ def view_weights(views: Views, right: float, up: float) -> list[ViewWeight]:
     place = np.array([right, up])
     grid = within_lens(views)
     columns, rows = views.position[0, :, 0], views.position[:, 0, 1]
-    is_regular = (
-        bool(grid.all())
-        and bool(np.all(views.position[..., 0] == columns) and np.all(views.position[..., 1] == rows[:, None]))
-        and bool(np.all(np.diff(columns) > 0.0) and np.all(np.diff(rows) < 0.0))
-    )
-    if is_regular:
+    is_aligned = (views.position[..., 0] == columns) & (views.position[..., 1] == rows[:, None])
+    if (grid & is_aligned).all() and (np.diff(columns) > 0.0).all() and (np.diff(rows) < 0.0).all():
         column, row = _linear_weights(columns, right), _linear_weights(-rows, -up)
         shares = [
             ViewWeight(r, c, weight_r * weight_c)
@@ -119,13 +115,12 @@ def view_at(
     place = sum(share.weight * views.position[share.row, share.column] for share in around)
     inverse = views.inverse_focus if distance is None else 1.0 / distance
     if depth is None:
-        return sum(
-            share.weight
-            * Spline(lit_view(field, share.row, share.column)[0]).shifted(
-                *_shift(views, views.position[share.row, share.column] - place, inverse)
-            )[0]
-            for share in around
-        )  # type: ignore[return-value]
+        blended = np.zeros((views.height, views.width, 3))
+        for share in around:
+            right_of, down_of = pixel_shifts(views, views.position[share.row, share.column] - place, inverse)
+            view = Spline(lit_view(field, share.row, share.column)[0])
+            blended += share.weight * view.shifted(float(right_of), float(down_of))[0]
+        return blended
 
     here = reproject_depth(depth, views, place)
     total, weight = np.zeros((views.height, views.width, 3)), np.zeros((views.height, views.width, 1))
@@ -144,16 +139,12 @@ def view_at(
     return np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), plain)
 
 
-def pixel_shifts(views: Views, offset: NDArray[np.float64], inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+def pixel_shifts(
+    views: Views, offset: NDArray[np.float64], inverse: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
     """Compute the pixels, right and down, by which points at 1 / distance move in a view `offset` (m) away."""
-    moved = (views.inverse_focus - inverse) / views.plane.pixel
+    moved = (views.inverse_focus - np.asarray(inverse)) / views.plane.pixel
     return offset[0] * moved, -offset[1] * moved
-
-
-def _shift(views: Views, offset: NDArray[np.float64], inverse: float) -> tuple[float, float]:
-    """Compute the shift of a whole view, for a plane at one distance; see `pixel_shifts`."""
-    right, down = pixel_shifts(views, offset, np.asarray(inverse))
-    return float(right), float(down)
 
 
 def _places(right: FloatArray, down: FloatArray) -> tuple[FloatArray, FloatArray]:

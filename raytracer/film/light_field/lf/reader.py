@@ -128,7 +128,7 @@ def _read_light_field(file: Any, path: Path) -> OpenField:
             cell=None if cell is None else (float(cell[0]), float(cell[1])),
             aperture=None if aperture is None else float(aperture),
             focal_length=None if focal_length is None else float(focal_length),
-            pose=None if pose is None else Pose(*(_triple(row) for row in pose)),
+            pose=None if pose is None else Pose.of(pose),
         )
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
@@ -185,8 +185,3 @@ def _read_settings(file: Any, path: Path) -> dict[str, str | float | int]:
         if isinstance(value, str | int | float):
             settings[checked_name(name, "settings", path)] = value
     return settings
-
-
-def _triple(row: Any) -> tuple[float, float, float]:
-    x, y, z = map(float, row)
-    return x, y, z
