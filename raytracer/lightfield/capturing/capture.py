@@ -116,15 +116,14 @@ def capture(options: CaptureOptions) -> Captured:
     layout = _light_field_layout(spec, aovs, path)
     pixel_bytes = bytes_per_pixel(prepared, keeps=keeps)
     width, height = spec.picture()
-    job = _Capture(prepared, path, width * height, now(), options.progress)
+    renderer = _BandRenderer(prepared, path, options)
     bands = choose_bands(spec, layout, pixel_bytes, memory, aovs)
-    checkpoints = BandCheckpoints(path, options.every, job.start, options.resume, options.say)
     if bands is None:
         window = Window(0, 0, width, height)
-        rendered = _render_window(job, window, 0, checkpoints.next())
+        rendered = renderer.render(window)
         begin = now()
         lf.write(path, layout.light_field(rendered.image), dtype=dtype, compress=compress)
-        checkpoints.delete()
+        renderer.delete_checkpoints()
         stats = merge_stats([band_stats(rendered, window.pixels)], prepared.seconds, now() - begin)
         return Captured(layout.views, stats, 1, pixel_bytes * window.pixels)
 
@@ -133,8 +132,8 @@ def capture(options: CaptureOptions) -> Captured:
     views = layout.views
     with lf.Writer(path, views, dtype=dtype, compress=compress) as writer:
         for band in bands:
-            window, before = band.window(views), sum(part.pixels for part in done)
-            rendered = _render_window(job, window, before, checkpoints.next())
+            window = band.window(views)
+            rendered = renderer.render(window)
             begin = now()
             field = band.layout(views).light_field(rendered.image)
             for r, c in np.ndindex(field.views.rows, field.views.columns):
@@ -149,7 +148,7 @@ def capture(options: CaptureOptions) -> Captured:
             writing += now() - begin
         stats = merge_stats(done, prepared.seconds, writing)
         replace_error_settings(writer.settings, stats)
-    checkpoints.delete()
+    renderer.delete_checkpoints()
     most = max(band.window(views).pixels for band in bands)
     return Captured(views, stats, len(bands), pixel_bytes * most)
 
@@ -162,80 +161,53 @@ def _light_field_layout(spec: SceneSpec, aovs: Sequence[str], path: Path) -> Lay
     return layout
 
 
-class _Capture(NamedTuple):
-    """State that all bands of a capture share.
+class _BandRenderer:
+    """Renderer of the bands of a capture, one after the other; each has a checkpoint file beside the light field."""
 
-    prepared : the scene, ready to be rendered.
-    path : of the file.
-    pixels : of all views.
-    start : of the rendering (s).
-    progress : called with the progress of the whole; None for no report.
-    """
-
-    prepared: PreparedScene
-    path: Path
-    pixels: int
-    start: float
-    progress: Callable[[Progress], None] | None
-
-
-def _render_window(job: _Capture, window: Window, before: int, writer: CheckpointWriter | None) -> Rendered:
-    """Render a window of the picture.
-
-    before : pixels that are rendered already, for the progress.
-    writer : writes its checkpoints.
-
-    Raises
-    ------
-    KeyboardInterrupt : the render was interrupted.
-    OutputError : a cluster was lost.
-    """
-    spp = job.prepared.packed.spec.render.spp
-
-    def report(seen: Progress) -> None:
-        if job.progress is not None:
-            done = seen.done + before * spp
-            job.progress(seen._replace(done=done, wanted=job.pixels * spp, seconds=now() - job.start))
-
-    rendered = render_prepared(job.prepared.for_window(window), progress=report, checkpoint_writer=writer)
-    if rendered.failure is not None:
-        raise OutputError(f"{rendered.failure}; {job.path} is not written")
-    if rendered.interrupted:
-        raise KeyboardInterrupt
-    return rendered
-
-
-class BandCheckpoints:
-    """Checkpoint writers of the bands, one after the other.
-
-    Parameters
-    ----------
-    path : of the light field; checkpoints are beside it.
-    every : seconds between checkpoints; none are written if None.
-    start : of the capture (s).
-    resume : True to go on from checkpoints that are there.
-    say : called with sentences for the user.
-    """
-
-    def __init__(
-        self, path: Path, every: float | None, start: float, resume: bool, say: Callable[[str], object]
-    ) -> None:
-        self._path, self._every, self._start, self._resume, self._say = path, every, start, resume, say
+    def __init__(self, prepared: PreparedScene, path: Path, options: CaptureOptions) -> None:
+        self._prepared, self._path, self._options = prepared, path, options
+        self._start, self._pixels = now(), 0
         self._writers: list[CheckpointWriter] = []
 
-    def next(self) -> CheckpointWriter | None:
-        """Make the writer of the next band; None without checkpoints."""
-        if self._every is None:
+    def render(self, window: Window) -> Rendered:
+        """Render a window of the picture.
+
+        Raises
+        ------
+        KeyboardInterrupt : the render was interrupted.
+        OutputError : a cluster was lost.
+        """
+        spec = self._prepared.packed.spec
+        width, height = spec.picture()
+
+        def report(seen: Progress) -> None:
+            if self._options.progress is not None:
+                done, wanted = seen.done + self._pixels * spec.render.spp, width * height * spec.render.spp
+                self._options.progress(seen._replace(done=done, wanted=wanted, seconds=now() - self._start))
+
+        prepared = self._prepared.for_window(window)
+        rendered = render_prepared(prepared, progress=report, checkpoint_writer=self._next_checkpoint())
+        if rendered.failure is not None:
+            raise OutputError(f"{rendered.failure}; {self._path} is not written")
+        if rendered.interrupted:
+            raise KeyboardInterrupt
+        self._pixels += window.pixels
+        return rendered
+
+    def _next_checkpoint(self) -> CheckpointWriter | None:
+        """Make the checkpoint writer of the next band; None without checkpoints."""
+        every = self._options.every
+        if every is None:
             return None
         # A shorter capture, bands before included, is soon rendered again.
-        always = now() - self._start >= self._every
+        always = now() - self._start >= every
         file = checkpoint_path(self._path.with_name(f"{self._path.name}.{len(self._writers) + 1}"))
         # Bands that were not begun have no checkpoint.
-        resume = self._resume and (file.exists() or previous_path(file).exists() or not self._writers)
-        self._writers.append(CheckpointWriter(file, every=self._every, resume=resume, always=always, say=self._say))
+        resume = self._options.resume and (file.exists() or previous_path(file).exists() or not self._writers)
+        self._writers.append(CheckpointWriter(file, every=every, resume=resume, always=always, say=self._options.say))
         return self._writers[-1]
 
-    def delete(self) -> None:
+    def delete_checkpoints(self) -> None:
         """Remove the files, once the light field is written."""
         for writer in self._writers:
             if writer.info is not None or writer.resumed:
