@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.formats.base.image_format import DecodedLayers, Layers
-from raytracer.film.formats.base.limits import wrap_decode_errors
+from raytracer.film.formats.base.image_format import DecodedLayers, Layers, wrap_decode_errors
 from raytracer.film.formats.registry import display_suffixes, image_formats, image_suffixes, writable_suffixes
 from raytracer.util import safe_open
 from raytracer.util.atomic_write import check_file, is_special, write_bytes

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from raytracer.lightfield.capturing.capture import Captured, capture
     from raytracer.lightfield.decoding.calibration import find_grid
     from raytracer.lightfield.decoding.decoder import Decoded, decode
-    from raytracer.lightfield.decoding.microlens_grid import Grid, read_grid
-    from raytracer.lightfield.decoding.optics import Optics
+    from raytracer.lightfield.decoding.microlens_grid import Grid, Optics, read_grid
     from raytracer.lightfield.depth.depth_map import Depth, depth_map
     from raytracer.lightfield.epipolar import epipolar_slice
     from raytracer.lightfield.formats.exporter import export_array, export_views
@@ -44,8 +43,7 @@ _MODULES = {
     "raytracer.lightfield.capturing.capture": ("Captured", "capture"),
     "raytracer.lightfield.decoding.calibration": ("find_grid",),
     "raytracer.lightfield.decoding.decoder": ("Decoded", "decode"),
-    "raytracer.lightfield.decoding.microlens_grid": ("Grid", "read_grid"),
-    "raytracer.lightfield.decoding.optics": ("Optics",),
+    "raytracer.lightfield.decoding.microlens_grid": ("Grid", "Optics", "read_grid"),
     "raytracer.lightfield.depth.depth_map": ("Depth", "depth_map"),
     "raytracer.lightfield.epipolar": ("epipolar_slice",),
     "raytracer.lightfield.formats.exporter": ("export_array", "export_views"),

@@ -86,8 +86,7 @@ def decode(
     )
 
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
-    from raytracer.lightfield.decoding.microlens_grid import read_grid
-    from raytracer.lightfield.decoding.optics import Optics
+    from raytracer.lightfield.decoding.microlens_grid import Optics, read_grid
     from raytracer.util.progress import Bar
 
     known = None if grid is None else read_grid(grid)

@@ -14,9 +14,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.formats.base.image_format import DecodedLayers, ImageFormat, Layers, header_settings
-from raytracer.film.formats.base.limits import check_size
-from raytracer.film.formats.base.stored_image import StoredImage, to_single
+from raytracer.film.formats.base.image_format import (
+    DecodedLayers,
+    ImageFormat,
+    Layers,
+    StoredImage,
+    check_size,
+    header_settings,
+    to_single,
+)
 from raytracer.util.errors import abbreviate
 from raytracer.util.safe_open import BrokenFileError
 

@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.formats.base.image_format import ImageFormat, Layers
-from raytracer.film.formats.base.limits import check_size
-from raytracer.film.formats.base.stored_image import StoredImage, to_single
+from raytracer.film.formats.base.image_format import ImageFormat, Layers, StoredImage, check_size, to_single
 from raytracer.util import safe_open
 from raytracer.util.safe_open import BrokenFileError
 

@@ -17,8 +17,14 @@ from raytracer.film.light_field.layout import NO_LIGHT_FIELD_MESSAGE, Layout
 from raytracer.film.light_field.views import Views
 from raytracer.film.window import Window
 from raytracer.kernel.aovs.base.recording import per_sample_aovs, unique_aovs
-from raytracer.lightfield.capturing.bands import bytes_per_pixel, choose_bands
-from raytracer.lightfield.capturing.statistics import BandStats, band_stats, merge_stats, replace_error_settings
+from raytracer.lightfield.capturing.bands import (
+    BandStats,
+    band_stats,
+    bytes_per_pixel,
+    choose_bands,
+    merge_stats,
+    replace_error_settings,
+)
 from raytracer.rendering.checkpoint import CheckpointWriter, checkpoint_path
 from raytracer.rendering.develop import light_field_layout
 from raytracer.rendering.options import RenderOptions, called_with

@@ -33,10 +33,8 @@ Floats = NDArray[np.float64]
 _ROUNDS = 3
 """Rounds of the fit: each starts from so much better frequencies that the third changes nothing that matters."""
 
-
 _OBLIQUE = 0.25
 """Least cosine between two steps of a lattice that is hexagonal (0.5) and not square (0)."""
-
 
 _CLIPPED_SHARE = 0.98
 """Share of the pixels at one and the same largest value from which on a picture is clipped everywhere."""

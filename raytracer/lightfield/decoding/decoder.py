@@ -19,8 +19,7 @@ from raytracer.film.light_field.field import LIT_LAYER, LightField, Samples
 from raytracer.film.light_field.resampling import ResampledView, Resampler
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.decoding.calibration import find_grid
-from raytracer.lightfield.decoding.microlens_grid import Grid
-from raytracer.lightfield.decoding.optics import Optics
+from raytracer.lightfield.decoding.microlens_grid import Grid, Optics
 from raytracer.lightfield.decoding.raw_image import (
     LEAST_LIGHT,
     Floats32,

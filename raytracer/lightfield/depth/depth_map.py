@@ -38,14 +38,11 @@ from raytracer.util.progress import ProgressCounter, Update
 Method = Literal["focus", "slopes", "both"]
 METHODS: tuple[Method, ...] = ("focus", "slopes", "both")
 
-
 _MOST_VIEWS = 49
 """Most views that are compared: of larger arrays every second, third ... one, as noise is low enough with so many."""
 
-
 _SLOPES_WEIGHT, _DISAGREEMENT = 0.5, 0.5
 """Weight of the confidence of slopes beside that of focus, and factor of the confidence where both do not agree."""
-
 
 _FEWEST_OTHERS = 2
 """Other views that must have light at a pixel for its depth to be known: one alone agrees somewhere by chance."""

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film import srgb
-from raytracer.film.formats.base.limits import check_size
-from raytracer.film.formats.base.stored_image import StoredImage
+from raytracer.film.formats.base.image_format import StoredImage, check_size
 from raytracer.util.safe_open import BrokenFileError
 
 if TYPE_CHECKING:
