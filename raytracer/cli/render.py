@@ -249,6 +249,10 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
         def warn(sentence: str) -> None:
             bar.say(f"rt: warning: {sentence}")
 
+        def show(progress: "Progress") -> None:
+            WATCH.raise_if_interrupted()
+            bar.show(progress)
+
         writer = _make_checkpoint_writer(request, bar)
         with on_hangup(writer.request_preview), options.connect_cluster(request.cluster) as cluster:
             with watch_compilation(compile_bar.show):
@@ -265,7 +269,7 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
             with WATCH.on_first_signal(defer_interrupt):
                 rendered = render_prepared(
                     prepared,
-                    progress=lambda progress: _show_progress(progress, bar),
+                    progress=show,
                     dry_run_save=lambda image: dry_run_save(image, request.outputs),
                     checkpoint_writer=writer,
                 )
@@ -319,9 +323,3 @@ def _make_checkpoint_writer(request: _Request, bar: "SampleBar") -> "CheckpointW
             "without it they may be replaced"
         )
     return writer
-
-
-def _show_progress(progress: "Progress", bar: "SampleBar") -> None:
-    """Show how far a render is, if it is to go on."""
-    WATCH.raise_if_interrupted()
-    bar.show(progress)

@@ -33,9 +33,7 @@ def encode(frames: Sequence[NDArray[np.uint8]], kind: str, *, fps: float = 5.0, 
     fps : frames a second, at most 50.
     boomerang : whether to go back from the last frame to the first, rather than to start again.
 
-    Raises
-    ------
-    InputError : as `check`, or there is no frame.
+    Raises InputError: as `check`, or there is no frame.
     """
     check(kind, fps)
     if not frames:

@@ -90,10 +90,8 @@ def denoise(
     threads : number of threads; all processors if None.
     parts : rows and columns of each picture in the image, which are filtered apart from each other.
 
-    Raises
-    ------
-    InputError : see `require_denoiser`.
-    OutputError : the filter failed.
+    Raises InputError: see `require_denoiser`.
+    Raises OutputError: the filter failed.
     """
     device = _Device(threads)
     try:

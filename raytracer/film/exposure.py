@@ -163,9 +163,7 @@ def metering_weights(metering: Metering, frame: CropWindow, height: int, width: 
 
     References: Nikon, "D750 User's Manual": "Metering" (the circle) and "Specifications" (its weight of 75 %).
 
-    Raises
-    ------
-    InputError : the spot lies outside of the part.
+    Raises InputError: the spot lies outside of the part.
     """
     if metering.mode == "mean":
         return np.full((height, width), 1.0 / (height * width))
@@ -212,10 +210,8 @@ def resolve_exposure(exposure: ExposureSettings, values: FloatArray, frame: Crop
     overexposed.  If aperture or shutter are not known, there is no speed, and the gain is chosen in the same way.  A
     black picture gets ISO 100, or a gain of 1.
 
-    Raises
-    ------
-    ValueError : a speed is given, and aperture or shutter are not known.
-    InputError : see `metering_weights`.
+    Raises ValueError: a speed is given, and aperture or shutter are not known.
+    Raises InputError: see `metering_weights`.
     """
     seconds = exposure.seconds if exposure.radiometric else None
     if exposure.iso is not None:

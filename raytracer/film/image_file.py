@@ -37,9 +37,7 @@ def _format_suffix(path: Path, known: Sequence[str]) -> str:
 def check_writable(path: str | Path) -> None:
     """Check, before an image is rendered, that it can be written to `path`; leave nothing behind.
 
-    Raises
-    ------
-    InputError : the suffix is not known, `path` is a folder or protected, or its folder cannot be made or written.
+    Raises InputError: the suffix is not known, `path` is a folder or protected, or its folder cannot be written.
     """
     check_file(path)
     _format_suffix(Path(path), writable_suffixes())
@@ -108,9 +106,7 @@ def load(path: str | Path) -> NDArray[np.float64]:
 def load_encoded(path: str | Path) -> NDArray[np.float64]:
     """Read values of a .png or .jpg file as it holds them, sRGB-encoded: float64 (height, width, 3) in 0..1.
 
-    Raises
-    ------
-    InputError : as `load`; or the file is of a linear format.
+    Raises InputError: as `load`; or the file is of a linear format.
     """
     path = Path(path)
     image_format = image_formats().get(path.suffix.lower())

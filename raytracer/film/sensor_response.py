@@ -97,9 +97,13 @@ def make_response(sensor: SensorSpec, speed: float | None) -> SensorResponse:
     return SensorResponse(sensor.full_well / gain, sensor.full_well, sensor.read_noise, sensor.white(), sensor.black())
 
 
-def require_demosaic() -> None:
-    """Raise an InputError, before a render, if the library that demosaics is not installed or does not run."""
-    _opencv()
+def require_demosaic() -> Any:
+    """Import OpenCV, or raise an InputError, before a render, if the extra is not installed or does not run."""
+    try:
+        import cv2
+    except ImportError as error:
+        raise InputError(_MISSING) from error
+    return cv2
 
 
 def require_mosaic_size(height: int, width: int) -> None:
@@ -109,15 +113,6 @@ def require_mosaic_size(height: int, width: int) -> None:
             f"a Bayer mosaic needs a picture of at least {_SMALLEST_MOSAIC} x {_SMALLEST_MOSAIC} pixels, "
             f"got {width} x {height}: make it larger, or leave out camera.sensor.bayer"
         )
-
-
-def _opencv() -> Any:
-    """Import OpenCV."""
-    try:
-        import cv2
-    except ImportError as error:
-        raise InputError(_MISSING) from error
-    return cv2
 
 
 # ---- Random numbers
@@ -177,9 +172,7 @@ def simulate_readout(
     speed : ISO speed at which `values` of 1 saturate the sensor; None if not known.
     seed : of the noise, if the sensor has none of its own.
 
-    Raises
-    ------
-    InputError : a Bayer mosaic of fewer than 3 pixels a side, or without the library that makes a picture of it.
+    Raises InputError: a Bayer mosaic of fewer than 3 pixels a side, or without the library that makes a picture of it.
     """
     height, width, _ = values.shape
     sensor_response = make_response(sensor, speed)
@@ -222,7 +215,7 @@ def _demosaic(numbers: FloatArray, bayer: str, white: int, frame: CropWindow) ->
 
     References: https://docs.opencv.org/4.x/d8/d01/group__imgproc__color__conversions.html, "Edge-Aware Demosaicing".
     """
-    cv2 = _opencv()
+    cv2 = require_demosaic()
     require_mosaic_size(*numbers.shape)
     # All 16 bits are used, so that a mean of integers is rounded less than they are.
     steps = _LARGEST_NUMBER // white

@@ -22,9 +22,7 @@ def rays_to_views(field: LightField) -> tuple[LightField, str]:
     Each ray counts for the view through whose part of the lens it went, and there for the pixel that it met: the middle
     of that part is taken for its place.  Pixels without rays are filled from those around them.
 
-    Raises
-    ------
-    ValueError : the light field has no rays.
+    Raises ValueError: the light field has no rays.
     """
     rays, views = field.rays, field.views
     if rays is None or len(rays.weight) == 0:

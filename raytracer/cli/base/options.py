@@ -141,9 +141,7 @@ class GivenOptions(NamedTuple):
         suffixes : of the files that the command writes; None if they hold layers whatever they are.
         remedy : options that make it write a file that holds layers, if none of these does.
 
-        Raises
-        ------
-        InputError : one cannot be parsed, or there is no file for the AOVs.
+        Raises InputError: one cannot be parsed, or there is no file for the AOVs.
         """
         values = {name: word for name, word in self.words.items() if word not in (None, [])}
         for name, word in values.items():

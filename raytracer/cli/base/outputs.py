@@ -159,9 +159,7 @@ def write_outputs(
 ) -> None:
     """Write all files of a finished render.
 
-    Raises
-    ------
-    OutputError : some files cannot be written; the others are.  It says where the samples or a copy of the picture are.
+    Raises OutputError: some files cannot be written; the others are.  It says where the samples or a copy are.
     """
     from concurrent.futures import ThreadPoolExecutor
 

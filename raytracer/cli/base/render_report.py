@@ -66,9 +66,7 @@ class RenderReport(NamedTuple):
     def show(self, *, quiet: bool) -> None:
         """Print the report; what is wrong with the picture also when quiet.
 
-        Raises
-        ------
-        OutputError : the cluster failed; or samples or pixels are wrong, and `strict`.
+        Raises OutputError: the cluster failed; or samples or pixels are wrong, and `strict`.
         """
         rendered, checkpoint = self.rendered, self.resume.checkpoint
         names = join_paths(self.outputs)

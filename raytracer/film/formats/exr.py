@@ -74,9 +74,7 @@ def encode_exr(image: "Image", layers: Layers) -> bytes:
 def decode_exr(data: bytes) -> NDArray[np.float64]:
     """Decode the radiance of a file, float64 (height, width, 3); of a grey one all channels are equal.
 
-    Raises
-    ------
-    BrokenFileError : it has neither R, G and B nor Y; or as `read_exr`.
+    Raises BrokenFileError: it has neither R, G and B nor Y; or as `read_exr`.
     """
     layers, _ = decode_exr_layers(data, {"radiance"})
     if "radiance" not in layers and "Y" not in layers:
@@ -113,9 +111,7 @@ def decode_exr_layers(data: bytes, wanted: Collection[str] | None = None) -> Dec
 def decode_exr_stored(data: bytes) -> StoredImage:
     """Decode colours or grey, with opacity if there is one, or the only channel.
 
-    Raises
-    ------
-    BrokenFileError : it has neither; or as `read_exr`.
+    Raises BrokenFileError: it has neither; or as `read_exr`.
     """
     _, channels = read_exr(data)
     names = next((names for names in ("RGBA", "RGB", "YA", "Y") if all(name in channels for name in names)), None)
@@ -129,10 +125,8 @@ def read_exr(
 ) -> tuple[Mapping[str, Any], dict[str, NDArray[Any]]]:
     """Read the header of a file, and those channels (height, width) of its first part that are wanted, by name.
 
-    Raises
-    ------
-    BrokenFileError : see `check_size`; or its parts hold deep pixels, or more bytes than are read.
-    Exception : whatever OpenEXR raises about broken files.
+    Raises BrokenFileError: see `check_size`; or its parts hold deep pixels, or more bytes than are read.
+    Raises Exception: whatever OpenEXR raises about broken files.
     """
     import OpenEXR
 

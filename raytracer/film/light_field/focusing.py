@@ -58,9 +58,7 @@ def alpha_to_inverse_distance(views: Views, alpha: float) -> float:
     Behind a lens that is the film of the picture as it was taken, 1 / f = 1 / z_i + 1 / z_o.  For an array of cameras,
     which has none, `alpha` multiplies the distance of the plane of focus.
 
-    Raises
-    ------
-    ValueError : alpha is not above 0, or there is no such plane.
+    Raises ValueError: alpha is not above 0, or there is no such plane.
     """
     if not 0.0 < alpha < math.inf:
         raise ValueError(f"alpha must be greater than 0 and finite, got {alpha:g}")
@@ -79,9 +77,7 @@ def alpha_to_inverse_distance(views: Views, alpha: float) -> float:
 def slope_to_inverse_distance(views: Views, slope: float) -> float:
     """Convert a slope to one over the distance (1/m) of points that move against the views by `slope` pixels from each.
 
-    Raises
-    ------
-    ValueError : there is only one view, or the slope is not finite.
+    Raises ValueError: there is only one view, or the slope is not finite.
     """
     step = max(view_spacing(views))
     if step == 0.0:

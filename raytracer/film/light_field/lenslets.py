@@ -92,9 +92,7 @@ class Lenslets:
     def views(self) -> Views:
         """The geometry of the views.
 
-        Raises
-        ------
-        ValueError : the picture is too small to hold any.
+        Raises ValueError: the picture is too small to hold any.
         """
         whole = self._whole
         if self.is_focused:
@@ -128,9 +126,7 @@ class Lenslets:
         Views at the rim of the lens, which gather light through a part of their cell, are brightened as if they did
         through all of it; those without any are black.  Layers stay as they were seen.
 
-        Raises
-        ------
-        ValueError : the picture is too small to hold any view.
+        Raises ValueError: the picture is too small to hold any view.
         """
         views = self.views
         lit = self.lit

@@ -75,9 +75,7 @@ def choose_bands(
 ) -> list[ViewBand] | None:
     """Choose the bands for a memory (bytes) and the bytes of a pixel; None for a picture that is no mosaic of views.
 
-    Raises
-    ------
-    InputError : not even a view fits into the memory, or the picture has to be seen as a whole and does not.
+    Raises InputError: not even a view fits into the memory, or the picture has to be seen as a whole and does not.
     """
     views = layout.views
     width, height = spec.picture()

@@ -178,10 +178,8 @@ class _BandRenderer:
     def render(self, window: Window) -> Rendered:
         """Render a window of the picture.
 
-        Raises
-        ------
-        KeyboardInterrupt : the render was interrupted.
-        OutputError : a cluster was lost.
+        Raises KeyboardInterrupt: the render was interrupted.
+        Raises OutputError: a cluster was lost.
         """
         spec = self._prepared.packed.spec
         width, height = spec.picture()

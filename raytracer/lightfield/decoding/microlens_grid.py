@@ -145,9 +145,7 @@ class Optics:
     def views(self, grid: Grid, resampler: Resampler) -> Views:
         """Compute the geometry of the views that `resampler` makes: in metres, or else in steps of one view.
 
-        Raises
-        ------
-        ValueError : the plane that is sharp is within the focal length.
+        Raises ValueError: the plane that is sharp is within the focal length.
         """
         steps = regular_grid(resampler.count, resampler.count)
         if self.missing:

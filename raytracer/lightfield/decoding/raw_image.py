@@ -86,9 +86,7 @@ def subtract_dark(picture: Floats32, background: Floats32 | None) -> Floats32:
 def check_bayer(bayer: str, raw: Floats32, name: str) -> str:
     """Check the order of colour filters, and return it in small letters.
 
-    Raises
-    ------
-    InputError : it is not known, the picture has three colours already, or the library is not installed.
+    Raises InputError: it is not known, the picture has three colours already, or the library is not installed.
     """
     from raytracer.film.sensor_response import require_demosaic
 

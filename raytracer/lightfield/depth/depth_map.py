@@ -215,9 +215,7 @@ def search_bounds(
 ) -> tuple[float, float]:
     """Bound 1 / distance of what the reference view sees: as given, or by a coarse sweep with the nearest views.
 
-    Raises
-    ------
-    InputError : the distances given are not possible.
+    Raises InputError: the distances given are not possible.
     """
     field, reference = context.field, context.reference
     for name, distance in (("near", near), ("far", far)):

@@ -62,9 +62,7 @@ def measure_slopes(context: DepthContext, bounds: tuple[float, float]) -> Estima
 
     bounds : least and greatest 1 / distance (1/m).
 
-    Raises
-    ------
-    InputError : there are fewer than three views in the row and in the column.
+    Raises InputError: there are fewer than three views in the row and in the column.
     """
     field, reference = context.field, context.reference
     lines = [line for line in _lines(field.views, reference) if len(line) >= _FEWEST_IN_LINE]

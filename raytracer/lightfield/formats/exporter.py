@@ -34,9 +34,7 @@ class Exported(NamedTuple):
 def check_export(field: LightField, folder: str | Path, naming: Naming, suffix: str = ".png") -> None:
     """Check, before anything is written, that views can be exported.
 
-    Raises
-    ------
-    InputError : the naming cannot tell the geometry, the format is not known, or the folder holds other views.
+    Raises InputError: the naming cannot tell the geometry, the format is not known, or the folder holds other views.
     """
     folder = Path(folder)
     if naming not in NAMINGS:

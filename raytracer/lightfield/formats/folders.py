@@ -54,9 +54,7 @@ def find_views(folder: Path, rows: int | None, columns: int | None, flip: str = 
     rows, columns : of the array, where names have one number only.
     flip : "x", "y" or both: axes along which the places in Stanford names run the other way (right to left; up).
 
-    Raises
-    ------
-    InputError : the folder cannot be read, holds no views, lacks one, or has two for the same place.
+    Raises InputError: the folder cannot be read, holds no views, lacks one, or has two for the same place.
     """
     try:
         paths = [

@@ -62,15 +62,13 @@ def regular_grid(rows: int, columns: int) -> NDArray[np.float64]:
 
 
 def make_views(
-    steps: NDArray[np.float64], width: int, height: int, known: KnownGeometry
+    path: Path, steps: NDArray[np.float64], width: int, height: int, known: KnownGeometry
 ) -> tuple[Views, dict[str, str]]:
     """Make the geometry of views at `steps` (steps of one view, right and up), and the settings that say its units.
 
     Without metres a distance `1 / w` is where what is seen moves by `w` pixels from view to view.
 
-    Raises
-    ------
-    ValueError : the lengths are so large or small that numbers do not hold the places of the views.
+    Raises InputError: the lengths of a file are so large or small that numbers do not hold the places of its views.
     """
     if known.spacing is None or known.focus_distance is None or known.pixel is None:
         return Views(steps, Plane(1.0, -0.5 * width, 0.5 * height), width, height), {"units": "views"}
@@ -78,7 +76,10 @@ def make_views(
     inverse = 0.0 if math.isinf(known.focus_distance) else 1.0 / known.focus_distance
     with np.errstate(over="ignore"):
         position = steps * np.array(known.spacing)
-    return Views(position, plane, width, height, inverse), {}
+    try:
+        return Views(position, plane, width, height, inverse), {}
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def to_json(views: Views, units: str | float | None) -> bytes:

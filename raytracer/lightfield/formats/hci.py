@@ -133,9 +133,7 @@ def _pose(numbers: list[float]) -> Pose | None:
 def grid_spacing(views: Views) -> float:
     """Measure the distance from view to view (m) of a regular grid, the same to the right and down.
 
-    Raises
-    ------
-    ValueError : they are on no such grid, or look past the middle of their images.
+    Raises ValueError: they are on no such grid, or look past the middle of their images.
     """
     rows, columns = views.rows, views.columns
     wide = float(np.ptp(views.position[..., 0])) / max(columns - 1, 1)

@@ -91,14 +91,14 @@ def import_views(
     settings = {"naming": files.naming}
     if has_options:
         known = _known_geometry(path, spacing, focus_distance, view_optics.pixel(width, height), files.is_placed)
-        views, units = _place_views(path, files.steps, width, height, known)
+        views, units = geometry.make_views(path, files.steps, width, height, known)
     elif beside.exists():
         views, units = geometry.read(beside)
         _check_same_size(beside, views, radiance.shape)
     elif parameters is not None:
         views, units = _hci_views(path / hci.FILE, parameters, radiance.shape), {}
     else:
-        views, units = _place_views(path, files.steps, width, height, KnownGeometry())
+        views, units = geometry.make_views(path, files.steps, width, height, KnownGeometry())
     if files.naming == "hci" and not units:
         layers = _ground_truth_layers(path, views)
     return LightField(radiance, views, layers, settings={**settings, **units})
@@ -121,16 +121,13 @@ def _known_geometry(
     is_placed: bool,
 ) -> KnownGeometry:
     """Gather the geometry that options give, and refuse one that is not complete."""
-    missing = [
-        name
-        for name, value in (
-            ("--spacing", spacing),
-            ("--focus-distance (inf for parallel views)", distance),
-            ("--vfov, or --focal-length with --sensor", pixel),
-        )
-        if value is None
-    ]
     if spacing is None or distance is None or pixel is None:
+        given = {
+            "--spacing": spacing,
+            "--focus-distance (inf for parallel views)": distance,
+            "--vfov, or --focal-length with --sensor": pixel,
+        }
+        missing = [name for name, value in given.items() if value is None]
         raise InputError(
             f"{path}: metres need also {' and '.join(missing)}; without any of them, places are in steps of one view"
         )
@@ -162,20 +159,9 @@ def _hci_views(path: Path, stated: hci.HciParameters, shape: Sequence[int]) -> V
     if (stated.height, stated.width) != tuple(shape[2:4]):
         height, width = shape[2:4]
         raise InputError(f"{path}: says {stated.width} x {stated.height} pixels a view; they have {width} x {height}")
-    views, _ = _place_views(
-        path, geometry.regular_grid(stated.rows, stated.columns), stated.width, stated.height, stated.known
-    )
+    steps = geometry.regular_grid(stated.rows, stated.columns)
+    views, _ = geometry.make_views(path, steps, stated.width, stated.height, stated.known)
     return dataclasses.replace(views, pose=stated.pose)
-
-
-def _place_views(
-    path: Path, steps: NDArray[np.float64], width: int, height: int, known: KnownGeometry
-) -> tuple[Views, dict[str, str]]:
-    """Make the geometry of views at `steps`; errors name the file."""
-    try:
-        return geometry.make_views(steps, width, height, known)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _ground_truth_layers(folder: Path, views: Views) -> dict[str, PartialLayer]:

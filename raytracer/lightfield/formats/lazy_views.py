@@ -108,9 +108,7 @@ def split_montage(path: Path, rows: int, columns: int, *, interleaved: bool) -> 
 
     interleaved : True if pixels of all views lie beside each other, as under microlenses (ESLF); else views do.
 
-    Raises
-    ------
-    InputError : the picture cannot be read, or does not divide into so many views.
+    Raises InputError: the picture cannot be read, or does not divide into so many views.
     """
     picture = image_file.load(path)
     height, width = picture.shape[:2]

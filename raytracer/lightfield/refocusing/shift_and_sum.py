@@ -88,7 +88,7 @@ class AxisShift(NamedTuple):
         total: FloatArray | None = None
         for number, weight in enumerate(self.weights):
             if weight != 0.0:
-                part = block[_along(axis, first + number, first + number + size)]
+                part = block[(*(slice(None),) * axis, slice(first + number, first + number + size))]
                 total = weight * part if total is None else total + weight * part
         assert total is not None
         return total
@@ -102,11 +102,6 @@ def make_shift(shift: float, begin: int, end: int, size: int, interpolation: Int
     places = np.arange(begin, end) + shift
     seen = (places >= -0.5) & (places <= size - 0.5)
     return AxisShift(low, low + (end - begin) + len(taps.weights) - 1, taps.weights, seen)
-
-
-def _along(axis: int, begin: int, end: int) -> tuple[slice, ...]:
-    """Index the range begin <= i < end of one axis."""
-    return (*(slice(None),) * axis, slice(begin, end))
 
 
 class _ViewSum:
@@ -124,13 +119,13 @@ class _ViewSum:
 
     def shift_columns(self, row: int, column: int) -> AxisShift:
         """Make the horizontal shift of a view."""
-        shift = self._shift[row, column, 0]
-        return make_shift(shift, self._window.left, self._window.right, self._views.width, self._interpolation)
+        (shift, _), window = self._shift[row, column], self._window
+        return make_shift(shift, window.left, window.right, self._views.width, self._interpolation)
 
     def shift_rows(self, row: int, column: int) -> AxisShift:
         """Make the vertical shift of a view."""
-        shift = self._shift[row, column, 1]
-        return make_shift(shift, self._window.top, self._window.bottom, self._views.height, self._interpolation)
+        (_, shift), window = self._shift[row, column], self._window
+        return make_shift(shift, window.top, window.bottom, self._views.height, self._interpolation)
 
     def start_level(self, first: int, last: int) -> None:
         """Begin with views of another height, of which the rows first <= row < last of pixels are given."""

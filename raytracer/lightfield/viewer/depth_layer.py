@@ -51,7 +51,8 @@ def viewer_depth(field: LightField, *, metric: bool, update: Update | None) -> V
     views = field.views
     middle = views.nearest()
     if metric and "depth" in field.layers:
-        inverse = _invert_distance(np.asarray(field.layers["depth"][middle], dtype=np.float64))
+        distance = np.asarray(field.layers["depth"][middle], dtype=np.float64)
+        inverse = 1.0 / np.where(distance > 0.0, distance, np.nan)
     elif views.rows * views.columns > 1:
         return _estimate_depth(field, update)
     else:
@@ -78,12 +79,6 @@ def _estimate_depth(field: LightField, update: Update | None) -> ViewerDepth | N
         return None
     right, up = (float(place) for place in views.position[depth.row, depth.column])
     return ViewerDepth(depth.inverse, (right, up)) if np.isfinite(depth.inverse).any() else None
-
-
-def _invert_distance(distance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute one over distances: 0 at infinity, NaN where there is none."""
-    known = np.where(distance > 0.0, distance, np.nan)
-    return np.asarray(1.0 / known)
 
 
 def encode_depth(depth: ViewerDepth) -> dict[str, Any]:

@@ -26,10 +26,8 @@ _MOST_UINT16 = np.float32(65535.0)
 def open_with_pillow(data: bytes, formats: tuple[str, ...] = _FORMATS) -> Iterator["PIL.Image.Image"]:
     """Open an image file, and check its size; its pixels are decoded when they are asked for.
 
-    Raises
-    ------
-    BrokenFileError : see `check_size`.
-    Exception : whatever Pillow raises about broken files.
+    Raises BrokenFileError: see `check_size`.
+    Raises Exception: whatever Pillow raises about broken files.
     """
     import PIL.Image
 
