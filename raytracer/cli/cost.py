@@ -38,8 +38,7 @@ def cost(
     target: Annotated[str, Option(metavar="ERROR", help="Relative error to reach: 1%, 0.01.")] = "1%",
     budget: Annotated[str | None, Option(metavar="TIME", help="What can be had in this time: 60s, 5 min.")] = None,
     output: Annotated[
-        Path | None,
-        Option("--output", "-o", metavar="DIR", help="Folder for a page, a plot, an error map, CSV and JSON."),
+        Path | None, options.output("DIR", "Folder for a page, a plot, an error map, CSV and JSON.")
     ] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,

@@ -102,11 +102,8 @@ def report(
     file: File,
     output: Annotated[
         list[Path] | None,
-        Option(
-            "--output",
-            "-o",
-            metavar="OUT",
-            help="A report, .html or .pdf; the cross-section, .svg or .png; or all numbers, .json.  May repeat.",
+        options.output(
+            "OUT", "A report, .html or .pdf; the cross-section, .svg or .png; or all numbers, .json.  May repeat."
         ),
     ] = None,
     f_number: Number = None,
@@ -152,9 +149,7 @@ def report(
 @lens.command("import", epilog=EXAMPLE_IMPORT)
 def import_file(
     file: Annotated[str, Argument(metavar="FILE", help="Table of another program: .dat (pbrt) or .zmx (Zemax).")],
-    output: Annotated[
-        Path | None, Option("--output", "-o", metavar="LENS.yaml", help="Lens file to write; default: stdout.")
-    ] = None,
+    output: Annotated[Path | None, options.output("LENS.yaml", "Lens file to write; default: stdout.")] = None,
     glass: Annotated[
         list[str] | None,
         Option(
@@ -205,11 +200,9 @@ def distortion(
     file: File,
     output: Annotated[
         list[Path] | None,
-        Option(
-            "--output",
-            "-o",
-            metavar="OUT",
-            help="The maps and their inverse, .npz; OpenCV's model of them, .yaml; or all numbers but the maps, "
+        options.output(
+            "OUT",
+            "The maps and their inverse, .npz; OpenCV's model of them, .yaml; or all numbers but the maps, "
             ".json.  May repeat.",
         ),
     ] = None,

@@ -56,10 +56,7 @@ def probe(
         ),
     ] = None,
     output: Annotated[
-        list[Path] | None,
-        Option(
-            "--output", "-o", metavar="FILE", help="A picture of all directions, .exr .hdr .npy .png .jpg; may repeat."
-        ),
+        list[Path] | None, options.output("FILE", "A picture of all directions, .exr .hdr .npy .png .jpg; may repeat.")
     ] = None,
     width: Annotated[
         int | None, Option(help="With -o: pixels across, twice as many as down.  Default: 1024.", min=2)

@@ -28,9 +28,7 @@ def reference(
         list[Path],
         Argument(metavar="SCENE", help="Scene files; or references (.npz), which are rendered anew as they were."),
     ],
-    output: Annotated[
-        Path | None, Option("--output", "-o", metavar="DIR", help="Folder of the references.  Default: references.")
-    ] = None,
+    output: Annotated[Path | None, options.output("DIR", "Folder of the references.  Default: references.")] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
     name: Annotated[str | None, Option(help="Name of the reference.  Default: that of the scene's file.")] = None,

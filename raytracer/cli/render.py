@@ -57,11 +57,9 @@ def render(
     *,
     output: Annotated[
         list[Path] | None,
-        Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="Image to write, .png .jpg for display, .exr .hdr .npy linear; .lf holds a light field; may repeat.  "
+        options.output(
+            "FILE",
+            "Image to write, .png .jpg for display, .exr .hdr .npy linear; .lf holds a light field; may repeat.  "
             "Default: outputs/<scene>.png",
         ),
     ] = None,

@@ -63,12 +63,7 @@ def sweep(
     ] = False,
     output: Annotated[
         Path | None,
-        Option(
-            "--output",
-            "-o",
-            metavar="FOLDER",
-            help="Where images, manifest, contact sheet and page go.  Default: outputs/<scene>_sweep",
-        ),
+        options.output("FOLDER", "Where images, manifest, contact sheet and page go.  Default: outputs/<scene>_sweep"),
     ] = None,
     formats: Annotated[
         str, Option("--format", metavar="SUFFIX,...", help="Images of each point: png, jpg, exr, hdr, npy.")

@@ -41,6 +41,11 @@ Findings = Annotated[bool, Option("--quiet", "-q", help="No progress; what was f
 AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
 
 
+def output(metavar: str, text: str) -> Any:
+    """Declare the option `--output` or `-o`; `text` is its help."""
+    return Option("--output", "-o", metavar=metavar, help=text)
+
+
 class Invocation(NamedTuple):
     """The call of a command, which is the `obj` of its context.
 

@@ -20,7 +20,7 @@ Examples:
 
 def all_in_focus(
     file: File,
-    output: Annotated[list[Path], Option("--output", "-o", metavar="OUT", help="Picture.  May repeat.")],
+    output: Annotated[list[Path], options.output("OUT", "Picture.  May repeat.")],
     scale: Annotated[int, Option(min=1, max=4, help="Pixels along one of a view.")] = 1,
     view: Annotated[str | None, Option(metavar="ROW,COLUMN", help="As seen from there.  Default: the middle.")] = None,
     near: Near = None,

@@ -40,7 +40,7 @@ def decode(
     grid: Annotated[
         str | None, Option(metavar="GRID.json", help="Grid of microlenses that --json printed, not to be sought.")
     ] = None,
-    output: Annotated[Path | None, Option("--output", "-o", metavar="FILE.lf", help="Light field to write.")] = None,
+    output: Annotated[Path | None, options.output("FILE.lf", "Light field to write.")] = None,
     bayer: Annotated[
         str | None,
         Option(

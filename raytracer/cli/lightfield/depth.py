@@ -45,9 +45,7 @@ _ALMOST_ALL = f"{100.0 * (1.0 - 2.0 * _TAILS):g} %"
 
 def depth(
     file: File,
-    output: Annotated[
-        list[Path] | None, Option("--output", "-o", metavar="OUT", help=".png .exr .npy .pfm.  May repeat.")
-    ] = None,
+    output: Annotated[list[Path] | None, options.output("OUT", ".png .exr .npy .pfm.  May repeat.")] = None,
     confidence: Annotated[
         Path | None, Option(metavar="OUT", help="How sure each pixel is, 0 to 1: .png .npy .pfm.")
     ] = None,

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from typer import Option
 
+from raytracer.cli.base import options
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
 from raytracer.cli.lightfield.base import File, Quiet, parse_distance
@@ -20,9 +21,7 @@ Examples:
 
 def epi(
     file: File,
-    output: Annotated[
-        Path, Option("--output", "-o", metavar="OUT", help=".png or .jpg with axes; .exr .hdr .npy, a line each view.")
-    ],
+    output: Annotated[Path, options.output("OUT", ".png or .jpg with axes; .exr .hdr .npy, a line each view.")],
     line: Annotated[
         int | None, Option(metavar="N", help="Row of pixels (or column), from 0.  Default: the middle.")
     ] = None,

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from raytracer.cli.base import options
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
 from raytracer.schema.units import Dimension
@@ -28,7 +29,7 @@ view_03_05.png, or in one number, by rows.  Also .npy of (rows, columns, height,
 
 def import_(
     path: Annotated[str, Argument(metavar="PATH", help="Folder of views, picture of all views, or .npy.")],
-    output: Annotated[Path, Option("--output", "-o", metavar="FILE.lf", help="File to write.")],
+    output: Annotated[Path, options.output("FILE.lf", "File to write.")],
     rows: Annotated[int | None, Option(help="Rows of views, where names do not say.", min=1, max=4096)] = None,
     columns: Annotated[int | None, Option(help="Views in a row.", min=1, max=4096)] = None,
     spacing: Annotated[

@@ -21,7 +21,7 @@ Examples:
 
 def move(
     file: File,
-    output: Annotated[Path, Option("--output", "-o", metavar="OUT", help=".gif or .webp, which runs for ever.")],
+    output: Annotated[Path, options.output("OUT", ".gif or .webp, which runs for ever.")],
     path: Annotated[str, Option(help="circle, right (and back), up (and back), or eight.")] = "circle",
     radius: Annotated[
         str | None, Option(metavar="LENGTH", help="Half the path's width.  Default: as far as there are views.")

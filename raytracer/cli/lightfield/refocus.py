@@ -38,10 +38,7 @@ _MOST_PLANES = 10_000
 
 def refocus(
     file: File,
-    output: Annotated[
-        list[Path],
-        Option("--output", "-o", metavar="OUT", help=".png .jpg .exr .hdr .npy, or .gif .webp.  May repeat."),
-    ],
+    output: Annotated[list[Path], options.output("OUT", ".png .jpg .exr .hdr .npy, or .gif .webp.  May repeat.")],
     distance: Annotated[
         list[str] | None,
         Option(

@@ -45,7 +45,7 @@ def render(
     context: typer.Context,
     scene: Annotated[str, Argument(metavar="SCENE", help="Scene file, of a camera with many views.")],
     *,
-    output: Annotated[Path, Option("--output", "-o", metavar="FILE.lf", help="Light field to write.")],
+    output: Annotated[Path, options.output("FILE.lf", "Light field to write.")],
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
     memory: Annotated[

@@ -27,9 +27,7 @@ _MOST_EV = 64.0
 
 def view(
     file: File,
-    output: Annotated[
-        Path | None, Option("--output", "-o", metavar="PAGE.html", help="Default: outputs/FILE.html.")
-    ] = None,
+    output: Annotated[Path | None, options.output("PAGE.html", "Default: outputs/FILE.html.")] = None,
     size: Annotated[str, Option(metavar="BYTES", help="Size that the page has at most: 10MB.")] = "40MB",
     exposure: Annotated[
         str | None,

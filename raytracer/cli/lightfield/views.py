@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
+from raytracer.cli.base import options
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
 from raytracer.cli.lightfield.base import File, Quiet, parse_distance, parse_position, parse_view
@@ -29,7 +30,7 @@ Examples:
 
 def views(
     file: File,
-    output: Annotated[Path, Option("--output", "-o", metavar="OUT", help="Picture; with --all, a folder.")],
+    output: Annotated[Path, options.output("OUT", "Picture; with --all, a folder.")],
     view: Annotated[str | None, Option(metavar="ROW,COLUMN", help="One view, counted from 0.")] = None,
     at: Annotated[
         str | None,
