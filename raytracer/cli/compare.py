@@ -95,7 +95,7 @@ def compare(
     return _FAILED if comparison.passed is False else 0
 
 
-class _DifferenceOutput(NamedTuple):
+class _Output(NamedTuple):
     """A picture of differences to write."""
 
     kind: str
@@ -117,7 +117,7 @@ def _parse_bounds(option: str, texts: list[str] | None) -> dict[str, float]:
     return bounds
 
 
-def _parse_difference(text: str, are_folders: bool) -> _DifferenceOutput:
+def _parse_difference(text: str, are_folders: bool) -> _Output:
     """Parse the kind and file that `--difference` names."""
     from raytracer.analysis.compare import KINDS, check_kind
 
@@ -138,16 +138,11 @@ def _parse_difference(text: str, are_folders: bool) -> _DifferenceOutput:
         raise InputError(f"--difference {text}: pictures of differences are written as .png, or .html to wipe")
     if are_folders and kind != "wipe" and path.is_file():
         raise InputError(f"--difference {text}: is a file, and the pictures of a folder are written to a folder")
-    return _DifferenceOutput(kind, path)
+    return _Output(kind, path)
 
 
 def _compare_files(
-    a: str,
-    b: str,
-    names: tuple[str, ...] | None,
-    checks: "PassCriteria",
-    pictures: list[_DifferenceOutput],
-    quiet: bool,
+    a: str, b: str, names: tuple[str, ...] | None, checks: "PassCriteria", pictures: list[_Output], quiet: bool
 ) -> "Comparison":
     from raytracer.analysis.compare import compare_images, encode, read
     from raytracer.util.atomic_write import write_bytes
@@ -163,12 +158,7 @@ def _compare_files(
 
 
 def _compare_folders(
-    a: str,
-    b: str,
-    names: tuple[str, ...] | None,
-    checks: "PassCriteria",
-    pictures: list[_DifferenceOutput],
-    quiet: bool,
+    a: str, b: str, names: tuple[str, ...] | None, checks: "PassCriteria", pictures: list[_Output], quiet: bool
 ) -> "FolderComparison":
     from raytracer.analysis.compare import compare_folders, encode
     from raytracer.analysis.compare.wipe_page import WipePage

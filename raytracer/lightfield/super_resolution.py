@@ -18,8 +18,6 @@ References: Irani, Peleg 1991, "Improving Resolution by Image Registration"; Ela
     and Assessment of Statistical Predictions".
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -91,11 +89,11 @@ def supersampled(
     indices = np.argwhere(within_lens(views)).tolist()
     for row, column in report_progress(indices, update):
         offset = views.position[row, column] - views.position[depth.row, depth.column]
-        samples = _read_samples(field, row, column)
-        places = _to_depth_view(depth, views, offset, samples.rows, samples.columns)
+        values, rows, columns, is_lit = _read_samples(field, row, column)
+        places = _to_depth_view(depth, views, offset, rows, columns)
         # Neighbours are in different halves; the middle view is in that which is solved for.
         half = halves[(row + column - depth.row - depth.column) % 2]
-        half.add(samples.values, *places, samples.is_lit & bounds.contain(samples.values, *places))
+        half.add(values, *places, is_lit & bounds.contain(values, *places))
     start = upsample_cubic(middle, factor)
     prior = _best_prior(halves[0], halves[1], start)
     both = halves[0].combined(halves[1])
@@ -106,31 +104,22 @@ def supersampled(
     return picture
 
 
-class _ViewSamples(NamedTuple):
-    """Samples of a view.
+def _read_samples(
+    field: LightField, row: int, column: int
+) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Read the samples of a view: those of its microlenses where they are known, or else its pixels.
 
-    values : (n, 3).
-    rows, columns : places in the view (pixels), (n,).
-    is_lit : (n,).
+    Values (n, 3), rows and columns of their places in the view (px, n), and which are lit (n).
     """
-
-    values: FloatArray
-    rows: FloatArray
-    columns: FloatArray
-    is_lit: NDArray[np.bool_]
-
-
-def _read_samples(field: LightField, row: int, column: int) -> _ViewSamples:
-    """Read the samples of a view: those of its microlenses where they are known, or else its pixels."""
     if field.samples is not None:
         values = np.asarray(field.samples.value[row, column], dtype=np.float64)
         columns, rows = field.samples.place.T
         is_lit = np.asarray(np.isfinite(values).all(axis=-1))
-        return _ViewSamples(np.where(is_lit[:, None], values, 0.0), rows, columns, is_lit)
+        return np.where(is_lit[:, None], values, 0.0), rows, columns, is_lit
     view, lit = field.view(row, column), field.lit(row, column)
     rows, columns = (grid.astype(np.float64).ravel() for grid in np.indices(view.shape[:2]))
     is_lit = np.ones(rows.shape, dtype=bool) if lit is None else lit.ravel()
-    return _ViewSamples(view.reshape(-1, 3), rows, columns, is_lit)
+    return view.reshape(-1, 3), rows, columns, is_lit
 
 
 def upsample_cubic(view: FloatArray, factor: int) -> FloatArray:
@@ -341,11 +330,7 @@ def all_in_focus(
     as through a pinhole, with the light, and the lower noise, of the whole aperture (Isaksen, McMillan, Gortler 2000,
     sec. 3, a focal surface in place of a plane); views in which something hides a point are left out.
 
-    Parameters
-    ----------
-    depth : of the view; default: estimated first, by `depth_map`.
-    threads : that estimate the depth; default: all.
-    update : called with the work that is done, and with all of it.
+    The parameters are those of `supersampled`.
 
     Raises
     ------

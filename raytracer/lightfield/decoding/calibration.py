@@ -89,8 +89,8 @@ def find_grid(white: NDArray[Any], name: str = "white") -> Grid:
             raise no_grid_error(name)
         lattice = _make_lattice(frequencies, phases, (0.5 * width, 0.5 * height))
         subimages = collect_subimages(white, lattice, float(bottom), float(top))
-        tilts = np.array([wave_tilt(subimages, frequency) for frequency in frequencies])
-    return Grid(lattice, width, height, residual * lattice.pitch, (used, blocks), lit_diameter(subimages, lattice))
+        tilts = np.array([wave_tilt(*subimages, frequency) for frequency in frequencies])
+    return Grid(lattice, width, height, residual * lattice.pitch, (used, blocks), lit_diameter(*subimages, lattice))
 
 
 def _make_lattice(frequencies: Floats, phases: Floats, middle: tuple[float, float]) -> Lattice:
@@ -262,19 +262,11 @@ _SAMPLE_SIZE = 12.0
 """Microlenses a side of the part in the picture's middle whose sub-images are taken together."""
 
 
-class Subimages(NamedTuple):
-    """Pixels in the middle of a picture.
+def collect_subimages(white: NDArray[Any], lattice: Lattice, bottom: float, top: float) -> tuple[Floats, Floats]:
+    """Collect the pixels in the middle of a picture, clipped to `bottom` ... `top`, by their place in a sub-image.
 
-    light : above black, (n,).
-    offset : from the middle of the nearest sub-image, right and down (pixels), (n, 2).
+    Their light above black (n), and their offset from the middle of the nearest sub-image, right and down (px, n x 2).
     """
-
-    light: Floats
-    offset: Floats
-
-
-def collect_subimages(white: NDArray[Any], lattice: Lattice, bottom: float, top: float) -> Subimages:
-    """Collect the pixels in the middle of a picture, clipped to `bottom` ... `top`, by their place in a sub-image."""
     height, width = white.shape
     size = math.ceil(_SAMPLE_SIZE * lattice.pitch)
     first_row, first = max(0, (height - size) // 2), max(0, (width - size) // 2)
@@ -286,22 +278,21 @@ def collect_subimages(white: NDArray[Any], lattice: Lattice, bottom: float, top:
     around = [place - lattice.place(base[:, 0] + i, base[:, 1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
     offsets = np.stack(around)
     nearest = (offsets**2).sum(axis=-1).argmin(axis=0)
-    return Subimages(part.reshape(-1), offsets[nearest, np.arange(len(place))])
+    return part.reshape(-1), offsets[nearest, np.arange(len(place))]
 
 
-def wave_tilt(subimages: Subimages, frequency: Floats) -> NDArray[np.complex128]:
+def wave_tilt(light: Floats, offset: Floats, frequency: Floats) -> NDArray[np.complex128]:
     """Compute the tilt (2,) of a wave for each unit of fall-off of the light a pixel.
 
     The light under one microlens is that at its middle, so that with a fall-off g from one to the next a block holds
     f (1 + g . (x - offset)): besides the wave c of f the first moments m of one sub-image, c - g . m.
     """
-    wave = subimages.light * np.exp(-2j * np.pi * (subimages.offset @ frequency))
-    return np.asarray((wave @ subimages.offset) / wave.sum())
+    wave = light * np.exp(-2j * np.pi * (offset @ frequency))
+    return np.asarray((wave @ offset) / wave.sum())
 
 
-def lit_diameter(subimages: Subimages, lattice: Lattice) -> float:
+def lit_diameter(light: Floats, offset: Floats, lattice: Lattice) -> float:
     """Measure the diameter (pixels) of the disc as large as the part of a sub-image above half its peak light."""
-    light, away = subimages.light, np.hypot(subimages.offset[:, 0], subimages.offset[:, 1])
-    bright = float(np.median(light[away < 0.25 * lattice.pitch]))
+    bright = float(np.median(light[np.hypot(offset[:, 0], offset[:, 1]) < 0.25 * lattice.pitch]))
     share = np.count_nonzero(light >= 0.5 * bright) / light.size
     return min(lattice.pitch, 2.0 * math.sqrt(share * lattice.area / math.pi))

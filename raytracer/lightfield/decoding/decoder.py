@@ -175,7 +175,7 @@ def decode(
     ------
     InputError : files are missing or broken, sizes differ, no grid is found, or numbers make no sense.
     """
-    names = {"raw": source_name(raw, "raw"), "white": source_name(white, "white"), "dark": source_name(dark, "dark")}
+    names = {kind: source_name(source, kind) for kind, source in (("raw", raw), ("white", white), ("dark", dark))}
     notes: list[str] = []
     picture = read_raw(raw, names["raw"], srgb)
     height, width = picture.shape[:2]

@@ -51,7 +51,6 @@ class HciParameters(NamedTuple):
     rows, columns : number of views.
     width, height : pixels of a view.
     known : geometry of the views.
-    focal_length : of the lens (mm).
     pose : of the view in the middle; None if the file has none.
     """
 
@@ -60,7 +59,6 @@ class HciParameters(NamedTuple):
     width: int
     height: int
     known: KnownGeometry
-    focal_length: float
     pose: Pose | None
 
 
@@ -112,7 +110,6 @@ def read(path: Path) -> HciParameters:
         width=width,
         height=height,
         known=KnownGeometry((spacing, spacing), distance, pixel),
-        focal_length=focal_length,
         pose=pose,
     )
 

@@ -34,23 +34,15 @@ _KEYS = -0.5
 _LANCZOS_LOBES = 3
 
 
-class Taps(NamedTuple):
-    """Weights of neighbouring pixels.
+def interpolation_taps(interpolation: Interpolation, fraction: float) -> tuple[FloatArray, int]:
+    """Compute weights of pixels at `fraction` of the way from one to the next, 0 <= fraction < 1; they sum to 1.
 
-    weights : of the pixels, from the first on.
-    first : index of the first, from the place rounded down.
+    Returns the weights, and the index of the first pixel, from the place rounded down.
     """
-
-    weights: FloatArray
-    first: int
-
-
-def interpolation_taps(interpolation: Interpolation, fraction: float) -> Taps:
-    """Compute the weights of pixels at `fraction` of the way from one to the next, 0 <= fraction < 1; they sum to 1."""
     if fraction == 0.0:
-        return Taps(np.ones(1), 0)
+        return np.ones(1), 0
     if interpolation == "linear":
-        return Taps(np.array([1.0 - fraction, fraction]), 0)
+        return np.array([1.0 - fraction, fraction]), 0
     reach = 2 if interpolation == "cubic" else _LANCZOS_LOBES
     away = np.abs(fraction - np.arange(1 - reach, reach + 1))
     if interpolation == "cubic":
@@ -59,7 +51,7 @@ def interpolation_taps(interpolation: Interpolation, fraction: float) -> Taps:
         weights = np.where(away <= 1.0, near, far)
     else:
         weights = np.sinc(away) * np.sinc(away / reach)
-    return Taps(weights / weights.sum(), 1 - reach)
+    return weights / weights.sum(), 1 - reach
 
 
 class AxisShift(NamedTuple):
@@ -97,11 +89,11 @@ class AxisShift(NamedTuple):
 def make_shift(shift: float, begin: int, end: int, size: int, interpolation: Interpolation) -> AxisShift:
     """Make the shift of a view of `size` pixels by `shift` pixels, for the places from `begin` to before `end`."""
     whole = math.floor(shift)
-    taps = interpolation_taps(interpolation, shift - whole)
-    low = begin + whole + taps.first
+    weights, first = interpolation_taps(interpolation, shift - whole)
+    low = begin + whole + first
     places = np.arange(begin, end) + shift
     seen = (places >= -0.5) & (places <= size - 0.5)
-    return AxisShift(low, low + (end - begin) + len(taps.weights) - 1, taps.weights, seen)
+    return AxisShift(low, low + (end - begin) + len(weights) - 1, weights, seen)
 
 
 class _ViewSum:

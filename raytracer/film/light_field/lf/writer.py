@@ -47,17 +47,9 @@ class WriteOnlyFile:
     def flush(self) -> None:
         self._attempt(self._file.flush)
 
-    def seek(self, place: int, whence: int = 0) -> int:
-        return self._file.seek(place, whence)
-
-    def tell(self) -> int:
-        return self._file.tell()
-
-    def read(self, size: int = -1) -> bytes:
-        return self._file.read(size)
-
-    def readinto(self, data: memoryview) -> int:
-        return self._file.readinto(data)  # type: ignore[attr-defined, no-any-return]
+    def __getattr__(self, name: str) -> Any:
+        """Seek, tell and read as the file does."""
+        return getattr(self._file, name)
 
     def _attempt(self, act: Callable[[], object]) -> None:
         try:
