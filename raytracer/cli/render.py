@@ -208,9 +208,6 @@ class _Request(NamedTuple):
     quiet: bool
 
 
-# ---- Checks before the work
-
-
 def _check_outputs(request: _Request, spec: "SceneSpec") -> None:
     """Check that all files can be written before the work, not after."""
     from raytracer.film.image_file import check_writable
@@ -231,9 +228,6 @@ def _check_light_field(path: Path, spec: "SceneSpec", request: _Request) -> None
     has_views = layout is not None and (layout.views.rows * layout.views.columns > 1 or "rays" in request.options.aovs)
     if not has_views or request.options.crop is not None:
         raise InputError(f"{path}: {NO_LIGHT_FIELD_MESSAGE}")
-
-
-# ---- The picture
 
 
 def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, command: DebugCommand) -> "Rendered":

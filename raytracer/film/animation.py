@@ -27,8 +27,6 @@ def check(kind: str, fps: float) -> None:
 def encode(frames: Sequence[NDArray[np.uint8]], kind: str, *, fps: float = 5.0, boomerang: bool = False) -> bytes:
     """Encode frames (height, width, 3), all of one size, in sRGB, as an animation; see the file of its format.
 
-    Parameters
-    ----------
     kind : suffix of the format, without its dot.
     fps : frames a second, at most 50.
     boomerang : whether to go back from the last frame to the first, rather than to start again.

@@ -84,8 +84,6 @@ def denoise(
 ) -> Image:
     """Denoise an image; the result is the same for any number of threads.
 
-    Parameters
-    ----------
     albedo, normal : (height, width, 3), means over a pixel in which rays that meet no surface count as 0.
     threads : number of threads; all processors if None.
     parts : rows and columns of each picture in the image, which are filtered apart from each other.

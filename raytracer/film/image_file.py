@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 _CHUNK_BYTES = 1 << 20
 
 
-# ---- writing ----
-
-
 def _format_suffix(path: Path, known: Sequence[str]) -> str:
     """Find the suffix of a path's format among those that are known, or raise an InputError; a device takes PNG."""
     if not path.suffix and is_special(path):
@@ -69,9 +66,6 @@ def save(image: "Image", path: str | Path, layers: Layers | None = None) -> None
         height, width, _ = image.radiance.shape
         raise OutputError(f"{path}: an image of {width} x {height} pixels cannot be written as {suffix}") from error
     write_bytes(path, data)
-
-
-# ---- reading ----
 
 
 def _read_bytes(path: Path) -> bytes:

@@ -54,8 +54,6 @@ def develop_photograph(
 ) -> tuple[Image, ExposureResult | None]:
     """Develop a picture; also return its exposure, if it was exposed.
 
-    Parameters
-    ----------
     image : radiance or irradiance of the film, a part of `frame`.
     seed : of the sensor's noise, if the sensor has none of its own.
     units : of the image's layers by name; layers of light and of variances of light are scaled as the picture is.

@@ -161,9 +161,6 @@ def poisson_quantile(uniform: FloatArray, mean: FloatArray) -> FloatArray:
     return np.maximum(result, 0.0)
 
 
-# ---- Recording
-
-
 def simulate_readout(
     values: FloatArray, sensor: SensorSpec, speed: float | None, seed: int, frame: CropWindow
 ) -> SensorReadout:

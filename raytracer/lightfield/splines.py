@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 class Spline:
     """Spline through the pixels of a picture; beyond its edges the picture is mirrored, and marked as not seen.
 
-    Parameters
-    ----------
     picture : (height, width) or (height, width, channels).
     """
 

@@ -145,8 +145,6 @@ def _to_depth_view(
 class _ValueBounds:
     """Bounds of the values that a pixel's own point may have: the range of the pixels around it, and noise.
 
-    Parameters
-    ----------
     middle : the reference view, linear (height, width, 3).
     lit : mask of its lit pixels, bool (height, width); None for all.  Others have no bounds.
     """

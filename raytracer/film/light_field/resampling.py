@@ -141,8 +141,6 @@ class Resampler:
     ) -> ResampledView:
         """Resample one view, and tell which of its pixels were seen.
 
-        Parameters
-        ----------
         picture : (raw_height, raw_width) or (raw_height, raw_width, channels).
         weight : (raw_height, raw_width), of each raw pixel, 0 for one that is not used; equal by default.
         least : smallest weight of a sample that is used.

@@ -133,9 +133,6 @@ def focal_stack(
     return _refocus_planes(field, planes, settings)
 
 
-# ---- The plane of focus
-
-
 def _inverse_distance(field: LightField, distance: float | None, alpha: float | None, slope: float | None) -> float:
     """Compute one over the distance of the plane of focus (1/m), from the one of three options that is given."""
     views = field.views
@@ -167,9 +164,6 @@ def _focus_plane(inverse: float, tilt: float, swing: float) -> FocusPlane:
     # Of the plane through (0, 0, d) along (1, 0, tan swing) and (0, 1, tan tilt), seen at the tangents x and y:
     # z = d + z x tan swing + z y tan tilt.
     return FocusPlane(inverse, -inverse * math.tan(math.radians(swing)), -inverse * math.tan(math.radians(tilt)))
-
-
-# ---- Pictures
 
 
 def _refocus_planes(field: LightField, planes: list[FocusPlane], settings: _Settings) -> list[Image]:
