@@ -8,6 +8,7 @@ import typer
 from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, say
 from raytracer.util.errors import Interrupted
 from raytracer.util.signals import WATCH, raise_interrupt
@@ -36,10 +37,7 @@ def check(
     alpha: Annotated[float, Option(help="How often a scene that has not changed may fail.", min=1e-12, max=0.5)] = 1e-3,
     report: Annotated[
         Path | None,
-        Option(
-            metavar="FILE.html",
-            help=f"Page of all verdicts.  Default: {_REPORT.as_posix()}, and only if something fails.",
-        ),
+        takes("FILE.html", f"Page of all verdicts.  Default: {_REPORT.as_posix()}, and only if something fails."),
     ] = None,
     allow_files: options.AllowFiles = None,
     threads: options.Threads = None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import check_files, print_json, report_written
 from raytracer.util.errors import InputError
 
@@ -30,18 +31,17 @@ def compare(
     b: Annotated[str, Argument(metavar="B", help="What it is compared with: the reference.")],
     metric: Annotated[
         list[str] | None,
-        Option(
-            metavar="NAME,...",
-            help="What to measure: mae, mse, rmse, relmse, mrse, psnr, ssim, flip; may repeat.  Default: all, but for "
+        takes(
+            "NAME,...",
+            "What to measure: mae, mse, rmse, relmse, mrse, psnr, ssim, flip; may repeat.  Default: all, but for "
             "flip of large images, which takes long.",
         ),
     ] = None,
     fail_above: Annotated[
-        list[str] | None, Option(metavar="METRIC=VALUE", help="Fail if a metric is above this: flip=0.05; may repeat.")
+        list[str] | None, takes("METRIC=VALUE", "Fail if a metric is above this: flip=0.05; may repeat.")
     ] = None,
     fail_below: Annotated[
-        list[str] | None,
-        Option(metavar="METRIC=VALUE", help="The same for psnr and ssim, which are better when larger."),
+        list[str] | None, takes("METRIC=VALUE", "The same for psnr and ssim, which are better when larger.")
     ] = None,
     test: Annotated[
         bool | None,
@@ -57,9 +57,9 @@ def compare(
     ] = None,
     difference: Annotated[
         list[str] | None,
-        Option(
-            metavar="[KIND=]FILE",
-            help="Write a picture of the difference, .png, of the kind signed (default), absolute, relative, flip, z "
+        takes(
+            "[KIND=]FILE",
+            "Write a picture of the difference, .png, of the kind signed (default), absolute, relative, flip, z "
             "or side-by-side; or .html, a page to wipe between the images.  Of folders: a folder of pictures.  "
             "May repeat.",
         ),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import join_paths, print_json, warn
 from raytracer.schema.units import parse_duration, parse_percentage
 from raytracer.util.errors import InputError, Interrupted
@@ -35,8 +36,8 @@ _LAYOUT = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
 
 def cost(
     scene: options.Scene,
-    target: Annotated[str, Option(metavar="ERROR", help="Relative error to reach: 1%, 0.01.")] = "1%",
-    budget: Annotated[str | None, Option(metavar="TIME", help="What can be had in this time: 60s, 5 min.")] = None,
+    target: Annotated[str, takes("ERROR", "Relative error to reach: 1%, 0.01.")] = "1%",
+    budget: Annotated[str | None, takes("TIME", "What can be had in this time: 60s, 5 min.")] = None,
     output: Annotated[
         Path | None, options.output("DIR", "Folder for a page, a plot, an error map, CSV and JSON.")
     ] = None,
@@ -44,11 +45,11 @@ def cost(
     allow_files: options.AllowFiles = None,
     variants: Annotated[
         str | None,
-        Option(
+        takes(
+            "NAME,...",
+            "Which variants to compare, such as defocus,accuracy=fast.  Default: all.",
             "--variants",
             "--arms",
-            metavar="NAME,...",
-            help="Which variants to compare, such as defocus,accuracy=fast.  Default: all.",
         ),
     ] = None,
     no_variants: Annotated[bool, Option("--no-variants", "--no-arms", help="Only predict, compare nothing.")] = False,

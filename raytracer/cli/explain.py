@@ -5,6 +5,7 @@ from typing import Annotated
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json
 
 EXAMPLE = """\b
@@ -22,10 +23,7 @@ def explain(
     allow_files: options.AllowFiles = None,
     circle: Annotated[
         str | None,
-        Option(
-            metavar="SIZE",
-            help="Blur at which the depth of field ends: 0.03mm, 2px; default: 1/1500 of the sensor's diagonal.",
-        ),
+        takes("SIZE", "Blur at which the depth of field ends: 0.03mm, 2px; default: 1/1500 of the sensor's diagonal."),
     ] = None,
     every: Annotated[
         bool, Option("--all", help="List every key of the scene too, at any depth: its value, and what it means.")

@@ -12,6 +12,7 @@ import typer.core
 from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import check_files, print_json, report_written, to_json, warn
 from raytracer.util.errors import InputError
 
@@ -53,26 +54,23 @@ With OpenCV, a picture that was made through the lens is straightened by
 _DEFAULT = "report"
 
 File = Annotated[str, Argument(metavar="FILE", help="Lens file: .yaml, or .dat or .zmx of other programs.")]
-Number = Annotated[float | None, Option("--f-number", metavar="N", help="Stop down to this; default: wide open.")]
-Distance = Annotated[
-    str, Option("--focus-distance", metavar="LENGTH", help="Plane that is sharp, from the entrance pupil: 2m.")
-]
+Number = Annotated[float | None, takes("N", "Stop down to this; default: wide open.", "--f-number")]
+Distance = Annotated[str, takes("LENGTH", "Plane that is sharp, from the entrance pupil: 2m.", "--focus-distance")]
 Sensor = Annotated[
     str | None,
-    Option(
-        "--sensor",
-        metavar="SIZE",
-        help="A sensor's name, or width and height: aps_c, 36x24 (mm).  Default: full_frame, or as much of it as the "
+    takes(
+        "SIZE",
+        "A sensor's name, or width and height: aps_c, 36x24 (mm).  Default: full_frame, or as much of it as the "
         "lens's image circle holds.",
+        "--sensor",
     ),
 ]
 Wavelengths = Annotated[
     str,
-    Option(
+    takes(
+        "NM,...",
+        "Wavelengths (nm), or the lines d, F, C; the first is focused on, chromatic aberration is between the others.",
         "--wavelengths",
-        metavar="NM,...",
-        help="Wavelengths (nm), or the lines d, F, C; the first is focused on, chromatic "
-        "aberration is between the others.",
     ),
 ]
 
@@ -152,16 +150,13 @@ def import_file(
     output: Annotated[Path | None, options.output("LENS.yaml", "Lens file to write; default: stdout.")] = None,
     glass: Annotated[
         list[str] | None,
-        Option(
-            metavar="NAME=INDEX/ABBE",
-            help="What a glass is that is not in the catalogue: SK16=1.62041/60.3.  May repeat.",
-        ),
+        takes("NAME=INDEX/ABBE", "What a glass is that is not in the catalogue: SK16=1.62041/60.3.  May repeat."),
     ] = None,
     thickness: Annotated[
         Literal["after", "before"] | None,
-        Option(
-            metavar="PLACE",
-            help="Where thickness stands in a .dat table: in the row of the surface before the way (after it), or of "
+        takes(
+            "PLACE",
+            "Where thickness stands in a .dat table: in the row of the surface before the way (after it), or of "
             "that behind it (before it).  Default: decided by the numbers.",
         ),
     ] = None,
@@ -209,9 +204,9 @@ def distortion(
     width: Annotated[int, Option(help="Pixels across the sensor.", min=2, max=16_384)] = 1200,
     ideal: Annotated[
         Literal["rectilinear", "equidistant"] | None,
-        Option(
-            metavar="NAME",
-            help="Projection to compare with: rectilinear or equidistant.  Default: rectilinear, and equidistant for "
+        takes(
+            "NAME",
+            "Projection to compare with: rectilinear or equidistant.  Default: rectilinear, and equidistant for "
             "lenses that see 65 degrees from the axis or more.",
         ),
     ] = None,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import join_paths, print_json, report_written, say, warn
 from raytracer.schema.units import Dimension
 from raytracer.util.errors import InputError, Interrupted
@@ -39,19 +40,17 @@ standard error.  With -o it is a picture of all directions, equirectangular, wit
 def probe(
     scene: options.Scene,
     *,
-    at: Annotated[str, Option("--at", metavar="X,Y,Z", help="The point (m) that light comes to.")],
-    toward: Annotated[str | None, Option(metavar="X,Y,Z", help="A point (m) that it comes from, or past.")] = None,
-    direction: Annotated[
-        str | None, Option(metavar="X,Y,Z", help="Or the direction in which one looks from `--at`.")
-    ] = None,
+    at: Annotated[str, takes("X,Y,Z", "The point (m) that light comes to.", "--at")],
+    toward: Annotated[str | None, takes("X,Y,Z", "A point (m) that it comes from, or past.")] = None,
+    direction: Annotated[str | None, takes("X,Y,Z", "Or the direction in which one looks from `--at`.")] = None,
     time: Annotated[
-        str | None, Option(metavar="TIME", help="Time of the scene: 0.5, 20ms.  Default: when its shutter opens.")
+        str | None, takes("TIME", "Time of the scene: 0.5, 20ms.  Default: when its shutter opens.")
     ] = None,
     wavelength: Annotated[
         str | None,
-        Option(
-            metavar="NM",
-            help="Spectral radiance at this wavelength, 380 to 780 nm, relative to that of white light (D65).  "
+        takes(
+            "NM",
+            "Spectral radiance at this wavelength, 380 to 780 nm, relative to that of white light (D65).  "
             "Default: red, green and blue.",
         ),
     ] = None,

@@ -9,6 +9,7 @@ import typer
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import (
     ResumeInfo,
     check_files,
@@ -69,18 +70,18 @@ def render(
     preview: options.Preview = False,
     cluster: Annotated[
         str | None,
-        Option(
-            metavar="URL",
-            help="Have the samples taken by the workers of this Dask scheduler, tcp://host:8786 "
+        takes(
+            "URL",
+            "Have the samples taken by the workers of this Dask scheduler, tcp://host:8786 "
             "(pip install 'raytracer[cluster]').  The picture is bit-identical to one rendered here, if their "
             "instruction sets are alike; see docs/cluster.md.",
         ),
     ] = None,
     checkpoint: Annotated[
         str | None,
-        Option(
-            metavar="TIME|off",
-            help="How often to write all samples so far to a file beside the first output, FILE.checkpoint, from which "
+        takes(
+            "TIME|off",
+            "How often to write all samples so far to a file beside the first output, FILE.checkpoint, from which "
             "--resume goes on: 30s, 5min.  If given, it is kept after the render, too.  Default: 60s, and kept "
             "after renders that take longer.",
         ),
@@ -94,9 +95,7 @@ def render(
         ),
     ] = False,
     stats: options.Stats = None,
-    pixel: Annotated[
-        str | None, Option(metavar="X,Y", help="With --debug: the pixel, from 0,0 in the top left corner.")
-    ] = None,
+    pixel: Annotated[str | None, takes("X,Y", "With --debug: the pixel, from 0,0 in the top left corner.")] = None,
     sample: Annotated[
         int | None,
         Option(

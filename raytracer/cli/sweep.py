@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, say
 from raytracer.rendering.options import OPTIONS
 from raytracer.report.wording import count
@@ -49,12 +50,12 @@ def sweep(
     *,
     define: Annotated[
         list[str] | None,
-        Option(
+        takes(
+            "KEY=VALUES",
+            "Values of a key of the scene, see below; a single one is the same for all points.  May repeat: all "
+            "combinations are rendered.",
             "--define",
             "-D",
-            metavar="KEY=VALUES",
-            help="Values of a key of the scene, see below; a single one is the same for all points.  May repeat: all "
-            "combinations are rendered.",
         ),
     ] = None,
     allow_files: options.AllowFiles = None,
@@ -65,20 +66,16 @@ def sweep(
         Path | None,
         options.output("FOLDER", "Where images, manifest, contact sheet and page go.  Default: outputs/<scene>_sweep"),
     ] = None,
-    formats: Annotated[
-        str, Option("--format", metavar="SUFFIX,...", help="Images of each point: png, jpg, exr, hdr, npy.")
-    ] = "png",
+    formats: Annotated[str, takes("SUFFIX,...", "Images of each point: png, jpg, exr, hdr, npy.", "--format")] = "png",
     animate: Annotated[
-        list[str] | None,
-        Option(metavar="SUFFIX,...", help="Write an animation of all points too: gif, webp, png.  May repeat."),
+        list[str] | None, takes("SUFFIX,...", "Write an animation of all points too: gif, webp, png.  May repeat.")
     ] = None,
     fps: Annotated[float, Option(help="Frames a second of the animation.")] = 5.0,
     given: options.GivenOptions,
     preview: options.Preview = False,
     max_points: Annotated[int, Option(help="Points that a sweep may have.", min=1)] = 1000,
     cluster: Annotated[
-        str | None,
-        Option(metavar="URL", help="Dask scheduler whose workers render: tcp://host:8786; see docs/cluster.md."),
+        str | None, takes("URL", "Dask scheduler whose workers render: tcp://host:8786; see docs/cluster.md.")
     ] = None,
     dry_run: Annotated[
         bool, Option("--dry-run", help="Print the points and their exact values, and render nothing.")

@@ -22,28 +22,38 @@ if TYPE_CHECKING:
 
 Value = TypeVar("Value")
 
-Scene = Annotated[str, Argument(metavar="SCENE", help="Scene file.")]
-Define = Annotated[
-    list[str] | None, Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene: camera.vfov=40.")
-]
-AllowFiles = Annotated[
-    list[str] | None,
-    Option(
-        "--allow-files",
-        metavar="FOLDER",
-        help="Where the scene may name files too, besides its own folder; may repeat.  Also: RT_ALLOW_FILES.",
-    ),
-]
-Preview = Annotated[bool, Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")]
-Stats = Annotated[Path | None, Option(metavar="FILE.json", help="Write what the render took as JSON.")]
-Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress and no summary.")]
-Findings = Annotated[bool, Option("--quiet", "-q", help="No progress; what was found is printed.")]
-AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
+
+def takes(metavar: str, text: str, *names: str, **limits: Any) -> Any:
+    """Declare an option that takes a value, which `metavar` stands for in the help; its name is the parameter's.
+
+    text : its help.
+    names : in place of the parameter's name.
+    """
+    return Option(*names, metavar=metavar, help=text, **limits)
 
 
 def output(metavar: str, text: str) -> Any:
-    """Declare the option `--output` or `-o`; `text` is its help."""
-    return Option("--output", "-o", metavar=metavar, help=text)
+    """Declare the option `--output` or `-o`; see `takes`."""
+    return takes(metavar, text, "--output", "-o")
+
+
+Scene = Annotated[str, Argument(metavar="SCENE", help="Scene file.")]
+Define = Annotated[
+    list[str] | None, takes("KEY=VALUE", "Override a key of the scene: camera.vfov=40.", "--define", "-D")
+]
+AllowFiles = Annotated[
+    list[str] | None,
+    takes(
+        "FOLDER",
+        "Where the scene may name files too, besides its own folder; may repeat.  Also: RT_ALLOW_FILES.",
+        "--allow-files",
+    ),
+]
+Preview = Annotated[bool, Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")]
+Stats = Annotated[Path | None, takes("FILE.json", "Write what the render took as JSON.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress and no summary.")]
+Findings = Annotated[bool, Option("--quiet", "-q", help="No progress; what was found is printed.")]
+AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
 
 
 class Invocation(NamedTuple):

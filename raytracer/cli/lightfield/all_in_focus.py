@@ -6,6 +6,7 @@ from typing import Annotated
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
 from raytracer.cli.lightfield.base import Far, File, Near, Quiet, parse_distance, parse_view
@@ -22,7 +23,7 @@ def all_in_focus(
     file: File,
     output: Annotated[list[Path], options.output("OUT", "Picture.  May repeat.")],
     scale: Annotated[int, Option(min=1, max=4, help="Pixels along one of a view.")] = 1,
-    view: Annotated[str | None, Option(metavar="ROW,COLUMN", help="As seen from there.  Default: the middle.")] = None,
+    view: Annotated[str | None, takes("ROW,COLUMN", "As seen from there.  Default: the middle.")] = None,
     near: Near = None,
     far: Far = None,
     threads: options.Threads = None,

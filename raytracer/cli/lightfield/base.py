@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from raytracer.cli.base.options import parse_dimension
+from raytracer.cli.base.options import parse_dimension, takes
 from raytracer.schema.units import Dimension
 from raytracer.util.errors import InputError
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from raytracer.film.light_field.lf import OpenField
 
 File = Annotated[str, Argument(metavar="FILE", help="Light field: .lf.")]
-Near = Annotated[str | None, Option(metavar="LENGTH", help="Nothing is nearer: 80cm.  Default: searched for.")]
-Far = Annotated[str | None, Option(metavar="LENGTH", help="Nothing is farther: 5, inf.  Default: searched for.")]
+Near = Annotated[str | None, takes("LENGTH", "Nothing is nearer: 80cm.  Default: searched for.")]
+Far = Annotated[str | None, takes("LENGTH", "Nothing is farther: 5, inf.  Default: searched for.")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Say nothing.")]
 
 

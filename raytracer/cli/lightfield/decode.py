@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, report_written
 from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
 from raytracer.util.errors import InputError
@@ -33,19 +34,18 @@ is of something evenly bright, at the same zoom and focus; 1.0 in the light fiel
 def decode(
     raw: Annotated[str, Argument(metavar="RAW", help="Picture of the sensor behind microlenses.")],
     white: Annotated[
-        str | None,
-        Option(metavar="WHITE", help="Picture of something evenly bright; default: the grid is sought in RAW."),
+        str | None, takes("WHITE", "Picture of something evenly bright; default: the grid is sought in RAW.")
     ] = None,
-    dark: Annotated[str | None, Option(metavar="DARK", help="Picture without light, taken off both.")] = None,
+    dark: Annotated[str | None, takes("DARK", "Picture without light, taken off both.")] = None,
     grid: Annotated[
-        str | None, Option(metavar="GRID.json", help="Grid of microlenses that --json printed, not to be sought.")
+        str | None, takes("GRID.json", "Grid of microlenses that --json printed, not to be sought.")
     ] = None,
     output: Annotated[Path | None, options.output("FILE.lf", "Light field to write.")] = None,
     bayer: Annotated[
         str | None,
-        Option(
-            metavar="ORDER",
-            help="Colour filters on the first two pixels of the first two rows: rggb, bggr, grbg, gbrg "
+        takes(
+            "ORDER",
+            "Colour filters on the first two pixels of the first two rows: rggb, bggr, grbg, gbrg "
             "(needs pip install 'raytracer[bayer]').",
         ),
     ] = None,
@@ -54,14 +54,14 @@ def decode(
         Option(help="Views in a row and in a column; default: the largest odd number that fits under a microlens."),
     ] = None,
     srgb: Annotated[bool, Option("--srgb", help="Files of 8 and 16 bits hold display values, not light.")] = False,
-    pixel_pitch: Annotated[str | None, Option(metavar="LENGTH", help="Of the sensor: 1.4um.")] = None,
-    focal_length: Annotated[str | None, Option(metavar="LENGTH", help="Of the main lens: 50mm.")] = None,
-    f_number: Annotated[float | None, Option(metavar="N", help="Of the main lens.")] = None,
+    pixel_pitch: Annotated[str | None, takes("LENGTH", "Of the sensor: 1.4um.")] = None,
+    focal_length: Annotated[str | None, takes("LENGTH", "Of the main lens: 50mm.")] = None,
+    f_number: Annotated[float | None, takes("N", "Of the main lens.")] = None,
     microlens_distance: Annotated[
-        str | None, Option(metavar="LENGTH", help="From microlenses to sensor: 25um; default: what fits the f-number.")
+        str | None, takes("LENGTH", "From microlenses to sensor: 25um; default: what fits the f-number.")
     ] = None,
     focus_distance: Annotated[
-        str, Option(metavar="LENGTH", help="Plane that is sharp on the microlenses, from the lens: 1.5m.")
+        str, takes("LENGTH", "Plane that is sharp on the microlenses, from the lens: 1.5m.")
     ] = "inf",
     as_json: options.AsJson = False,
     quiet: Quiet = False,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, report_written
 from raytracer.cli.lightfield import base
 from raytracer.cli.lightfield.base import Far, File, Near, Quiet, parse_distance
@@ -46,13 +47,9 @@ _ALMOST_ALL = f"{100.0 * (1.0 - 2.0 * _TAILS):g} %"
 def depth(
     file: File,
     output: Annotated[list[Path] | None, options.output("OUT", ".png .exr .npy .pfm.  May repeat.")] = None,
-    confidence: Annotated[
-        Path | None, Option(metavar="OUT", help="How sure each pixel is, 0 to 1: .png .npy .pfm.")
-    ] = None,
+    confidence: Annotated[Path | None, takes("OUT", "How sure each pixel is, 0 to 1: .png .npy .pfm.")] = None,
     method: Annotated[str, Option(help="focus, slopes, or both.")] = "both",
-    view: Annotated[
-        str | None, Option(metavar="ROW,COLUMN", help="What is seen from there.  Default: the middle.")
-    ] = None,
+    view: Annotated[str | None, takes("ROW,COLUMN", "What is seen from there.  Default: the middle.")] = None,
     near: Near = None,
     far: Far = None,
     threads: options.Threads = None,

@@ -6,6 +6,7 @@ from typing import Annotated
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
 from raytracer.cli.lightfield.base import File, Quiet, parse_distance
@@ -22,15 +23,11 @@ Examples:
 def epi(
     file: File,
     output: Annotated[Path, options.output("OUT", ".png or .jpg with axes; .exr .hdr .npy, a line each view.")],
-    line: Annotated[
-        int | None, Option(metavar="N", help="Row of pixels (or column), from 0.  Default: the middle.")
-    ] = None,
-    views: Annotated[
-        int | None, Option(metavar="N", help="Row of views (or column), from 0.  Default: the middle.")
-    ] = None,
+    line: Annotated[int | None, takes("N", "Row of pixels (or column), from 0.  Default: the middle.")] = None,
+    views: Annotated[int | None, takes("N", "Row of views (or column), from 0.  Default: the middle.")] = None,
     vertical: Annotated[bool, Option("--vertical", help="A column of pixels from a column of views.")] = False,
     distance: Annotated[
-        str | None, Option(metavar="LENGTH", help="What is there stands upright.  Default: where views meet.")
+        str | None, takes("LENGTH", "What is there stands upright.  Default: where views meet.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:

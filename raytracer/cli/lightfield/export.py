@@ -4,9 +4,8 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from typer import Option
-
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import File, Quiet, check_folder, check_outputs, open_light_field
 from raytracer.util.errors import InputError
@@ -27,9 +26,9 @@ A geometry.json beside them says what their names do not: rt lightfield import t
 def export(
     file: File,
     output: Annotated[Path, options.output("FOLDER", "Folder to write, or a .npy file.")],
-    naming: Annotated[str | None, Option(metavar="NAME", help="grid, stanford or hci.  Default: grid.")] = None,
+    naming: Annotated[str | None, takes("NAME", "grid, stanford or hci.  Default: grid.")] = None,
     suffix: Annotated[
-        str | None, Option("--format", metavar="SUFFIX", help="Of the views: png jpg exr hdr npy.  Default: png.")
+        str | None, takes("SUFFIX", "Of the views: png jpg exr hdr npy.  Default: png.", "--format")
     ] = None,
     quiet: Quiet = False,
 ) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
 from raytracer.schema.units import Dimension
@@ -33,25 +34,19 @@ def import_(
     rows: Annotated[int | None, Option(help="Rows of views, where names do not say.", min=1, max=4096)] = None,
     columns: Annotated[int | None, Option(help="Views in a row.", min=1, max=4096)] = None,
     spacing: Annotated[
-        str | None,
-        Option(metavar="LENGTH[,LENGTH]", help="From view to view: 8mm; or to the right and down, 8mm,10mm."),
+        str | None, takes("LENGTH[,LENGTH]", "From view to view: 8mm; or to the right and down, 8mm,10mm.")
     ] = None,
     focus_distance: Annotated[
-        str | None,
-        Option(metavar="LENGTH", help="Plane in which all views see the same: 1.2m; inf for parallel views."),
+        str | None, takes("LENGTH", "Plane in which all views see the same: 1.2m; inf for parallel views.")
     ] = None,
-    vfov: Annotated[str | None, Option(metavar="ANGLE", help="Vertical field of view of a view.")] = None,
-    focal_length: Annotated[str | None, Option(metavar="LENGTH", help="Of a view's lens, with --sensor.")] = None,
-    sensor: Annotated[str | None, Option(metavar="LENGTH", help="Width of a view's sensor: 36mm.")] = None,
-    flip: Annotated[
-        str, Option(metavar="x|y|xy", help="Axes along which places in Stanford names run the other way.")
-    ] = "",
+    vfov: Annotated[str | None, takes("ANGLE", "Vertical field of view of a view.")] = None,
+    focal_length: Annotated[str | None, takes("LENGTH", "Of a view's lens, with --sensor.")] = None,
+    sensor: Annotated[str | None, takes("LENGTH", "Width of a view's sensor: 36mm.")] = None,
+    flip: Annotated[str, takes("x|y|xy", "Axes along which places in Stanford names run the other way.")] = "",
     interleaved: Annotated[
         bool, Option("--interleaved", help="Of one picture: pixels of all views lie beside each other (ESLF).")
     ] = False,
-    dtype: Annotated[
-        str, Option(metavar="TYPE", help="Of the numbers in the file: float16, float32, float64.")
-    ] = "float32",
+    dtype: Annotated[str, takes("TYPE", "Of the numbers in the file: float16, float32, float64.")] = "float32",
     compress: Annotated[bool, Option("--compress", help="Smaller, and slower to write and to read.")] = False,
     quiet: Quiet = False,
 ) -> None:

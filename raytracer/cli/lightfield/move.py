@@ -6,6 +6,7 @@ from typing import Annotated
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import File, Quiet, check_outputs, name_in_errors, open_light_field, parse_distance
 from raytracer.util.errors import InputError
@@ -24,16 +25,14 @@ def move(
     output: Annotated[Path, options.output("OUT", ".gif or .webp, which runs for ever.")],
     path: Annotated[str, Option(help="circle, right (and back), up (and back), or eight.")] = "circle",
     radius: Annotated[
-        str | None, Option(metavar="LENGTH", help="Half the path's width.  Default: as far as there are views.")
+        str | None, takes("LENGTH", "Half the path's width.  Default: as far as there are views.")
     ] = None,
     frames: Annotated[int, Option(min=2, max=1000, help="Of the animation.")] = 24,
     fps: Annotated[float, Option(help="Frames a second, at most 50.")] = 12.0,
     depth: Annotated[
         bool, Option("--depth/--no-depth", help="Take each point from where its depth puts it, or blend views.")
     ] = True,
-    distance: Annotated[
-        str | None, Option(metavar="LENGTH", help="The plane that is sharp between views, with --no-depth.")
-    ] = None,
+    distance: Annotated[str | None, takes("LENGTH", "The plane that is sharp between views, with --no-depth.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Move a pinhole about in the plane of the views, and look: parallax as an animation.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, report_written
 from raytracer.cli.lightfield import base
 from raytracer.cli.lightfield.base import File, Quiet
@@ -41,46 +42,36 @@ def refocus(
     output: Annotated[list[Path], options.output("OUT", ".png .jpg .exr .hdr .npy, or .gif .webp.  May repeat.")],
     distance: Annotated[
         list[str] | None,
-        Option(
+        takes(
+            "LENGTH",
+            "Plane of focus along the axis: 2.5, 80cm, inf; 1,2,4; or START:STOP:COUNT.  May repeat.  Default: "
+            "the plane in which all views see the same.",
             "--distance",
             "-d",
-            metavar="LENGTH",
-            help="Plane of focus along the axis: 2.5, 80cm, inf; 1,2,4; or START:STOP:COUNT.  May repeat.  Default: "
-            "the plane in which all views see the same.",
         ),
     ] = None,
     alpha: Annotated[
-        float | None,
-        Option(metavar="A", help="In place of a distance: how many times as far from the lens the film is."),
+        float | None, takes("A", "In place of a distance: how many times as far from the lens the film is.")
     ] = None,
     slope: Annotated[
         list[str] | None,
-        Option(
-            metavar="PX",
-            help="In place of a distance: pixels by which what is in focus moves from view to view; also a range.",
-        ),
+        takes("PX", "In place of a distance: pixels by which what is in focus moves from view to view; also a range."),
     ] = None,
-    f_number: Annotated[
-        float | None, Option("--f-number", metavar="N", help="Aperture.  Default: all that there is.")
-    ] = None,
+    f_number: Annotated[float | None, takes("N", "Aperture.  Default: all that there is.", "--f-number")] = None,
     aperture: Annotated[
-        str | None, Option(metavar="LENGTH", help="Its diameter, in place of an f-number: 40mm (plain: metres).")
+        str | None, takes("LENGTH", "Its diameter, in place of an f-number: 40mm (plain: metres).")
     ] = None,
     aperture_shape: Annotated[
-        str | None, Option(metavar="SHAPE", help="Its shape, as in a scene: {type: polygon, blades: 6}.")
+        str | None, takes("SHAPE", "Its shape, as in a scene: {type: polygon, blades: 6}.")
     ] = None,
-    center: Annotated[
-        str | None, Option(metavar="X,Y", help="Its middle, right and up from that of the lens: 2mm,0.")
-    ] = None,
-    tilt: Annotated[str, Option(metavar="ANGLE", help="By how much the plane of focus leans away at its top.")] = "0",
-    swing: Annotated[str, Option(metavar="ANGLE", help="By how much it leans away to the right.")] = "0",
+    center: Annotated[str | None, takes("X,Y", "Its middle, right and up from that of the lens: 2mm,0.")] = None,
+    tilt: Annotated[str, takes("ANGLE", "By how much the plane of focus leans away at its top.")] = "0",
+    swing: Annotated[str, takes("ANGLE", "By how much it leans away to the right.")] = "0",
     method: Annotated[
-        str, Option(metavar="NAME", help="shift, fourier (sooner done for many planes), or rays, where they are kept.")
+        str, takes("NAME", "shift, fourier (sooner done for many planes), or rays, where they are kept.")
     ] = "shift",
-    interpolation: Annotated[
-        str, Option(metavar="NAME", help="Between pixels, of shift: lanczos, cubic or linear.")
-    ] = "lanczos",
-    scale: Annotated[float, Option(metavar="X", help="Of rays: pixels of the picture along one of the views'.")] = 1.0,
+    interpolation: Annotated[str, takes("NAME", "Between pixels, of shift: lanczos, cubic or linear.")] = "lanczos",
+    scale: Annotated[float, takes("X", "Of rays: pixels of the picture along one of the views'.")] = 1.0,
     crop: options.Crop = None,
     fps: Annotated[float, Option(help="Pictures a second of an animation.", min=0.1, max=50.0)] = 8.0,
     as_json: options.AsJson = False,

@@ -12,6 +12,7 @@ import typer
 from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import check_files, parse_checkpoint_interval, report_faults, resume_command
 from raytracer.schema.units import parse_bytes
 from raytracer.util.errors import InputError, Interrupted
@@ -50,27 +51,27 @@ def render(
     allow_files: options.AllowFiles = None,
     memory: Annotated[
         str,
-        Option(
-            metavar="SIZE",
-            help="Memory that pictures may take, besides the scene: 2GB, 500MB.  Where all views take more, they are "
+        takes(
+            "SIZE",
+            "Memory that pictures may take, besides the scene: 2GB, 500MB.  Where all views take more, they are "
             "rendered in parts.",
         ),
     ] = "2GB",
     given: options.GivenOptions,
     dtype: Annotated[
-        str, Option(metavar="TYPE", help="Numbers of the radiance in the file: float16, float32 or float64.")
+        str, takes("TYPE", "Numbers of the radiance in the file: float16, float32 or float64.")
     ] = "float32",
     compress: Annotated[
         bool, Option("--compress", help="Compress the file: a fifth smaller, and slower to read.")
     ] = False,
     cluster: Annotated[
-        str | None, Option(metavar="URL", help="Have the samples taken by the workers of this Dask scheduler.")
+        str | None, takes("URL", "Have the samples taken by the workers of this Dask scheduler.")
     ] = None,
     checkpoint: Annotated[
         str | None,
-        Option(
-            metavar="TIME|off",
-            help="How often to write all samples so far to files beside the output, FILE.lf.1.checkpoint for the first "
+        takes(
+            "TIME|off",
+            "How often to write all samples so far to files beside the output, FILE.lf.1.checkpoint for the first "
             "part, until the light field is there: 5min.  Default: 60s.",
         ),
     ] = None,

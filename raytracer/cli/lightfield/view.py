@@ -4,9 +4,8 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from typer import Option
-
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import File, Quiet, check_outputs, open_light_field
 from raytracer.util.errors import InputError
@@ -28,10 +27,9 @@ _MOST_EV = 64.0
 def view(
     file: File,
     output: Annotated[Path | None, options.output("PAGE.html", "Default: outputs/FILE.html.")] = None,
-    size: Annotated[str, Option(metavar="BYTES", help="Size that the page has at most: 10MB.")] = "40MB",
+    size: Annotated[str, takes("BYTES", "Size that the page has at most: 10MB.")] = "40MB",
     exposure: Annotated[
-        str | None,
-        Option(metavar="EV", help="Exposure with which it is first shown: +2.  Default: 0, unless it is dark."),
+        str | None, takes("EV", "Exposure with which it is first shown: +2.  Default: 0, unless it is dark.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:

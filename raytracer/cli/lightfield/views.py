@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
 from raytracer.cli.lightfield.base import File, Quiet, parse_distance, parse_position, parse_view
@@ -31,22 +32,19 @@ Examples:
 def views(
     file: File,
     output: Annotated[Path, options.output("OUT", "Picture; with --all, a folder.")],
-    view: Annotated[str | None, Option(metavar="ROW,COLUMN", help="One view, counted from 0.")] = None,
+    view: Annotated[str | None, takes("ROW,COLUMN", "One view, counted from 0.")] = None,
     at: Annotated[
-        str | None,
-        Option(metavar="X,Y", help="What is seen from a place: lengths to the right and up from the middle."),
+        str | None, takes("X,Y", "What is seen from a place: lengths to the right and up from the middle.")
     ] = None,
     depth: Annotated[
         bool, Option("--depth", help="With --at: take each point from where its depth puts it in the views around.")
     ] = False,
-    distance: Annotated[
-        str | None, Option(metavar="LENGTH", help="With --at: the plane that is sharp, without --depth.")
-    ] = None,
+    distance: Annotated[str | None, takes("LENGTH", "With --at: the plane that is sharp, without --depth.")] = None,
     scale: Annotated[
         int, Option(min=1, max=4, help="With --view: pixels along one, from what all views know of it.")
     ] = 1,
     every: Annotated[bool, Option("--all", help="All views that got light, each in a file: view_ROW_COLUMN.")] = False,
-    suffix: Annotated[str, Option("--format", metavar="SUFFIX", help="Of these files: png jpg exr hdr npy.")] = "png",
+    suffix: Annotated[str, takes("SUFFIX", "Of these files: png jpg exr hdr npy.", "--format")] = "png",
     width: Annotated[
         int | None, Option(min=1, max=65500, help="Of the montage in pixels, at most.  Default: 4096.")
     ] = None,
