@@ -59,17 +59,14 @@ def check(
     page = report or _REPORT
     check_file(page)
 
-    cache, results, is_interrupted = RenderCache(), list["CheckResult"](), False
+    wanted, cache = CheckOptions(spp, seed, alpha), RenderCache()
+    results, is_interrupted = list["CheckResult"](), False
     with BatchBar(quiet=quiet) as bar, WATCH.on_first_signal(raise_interrupt):
         for number, path in enumerate(paths):
             try:
+                show = show_in_batch(bar, number, len(paths), path.stem)
                 result = check_reference(
-                    path,
-                    CheckOptions(spp, seed, alpha),
-                    threads=threads,
-                    allow_files=allow_files or [],
-                    cache=cache,
-                    progress=show_in_batch(bar, number, len(paths), path.stem),
+                    path, wanted, threads=threads, allow_files=allow_files or [], cache=cache, progress=show
                 )
             except KeyboardInterrupt:
                 is_interrupted = True

@@ -88,14 +88,8 @@ def cost(
 
     with contextlib.closing(_Bars(quiet)) as bar, WATCH.on_first_signal(raise_interrupt):
         try:
-            result = study(
-                spec,
-                StudyOptions(error, seconds, rounds, names, tiles, threads, seed),
-                progress=bar.update,
-                name=scene,
-                load_seconds=load_seconds,
-                warn=warn,
-            )
+            wanted = StudyOptions(error, seconds, rounds, names, tiles, threads, seed)
+            result = study(spec, wanted, progress=bar.update, name=scene, load_seconds=load_seconds, warn=warn)
         except KeyboardInterrupt:
             bar.close()
             print("nothing is known before the prediction is there", file=sys.stderr)

@@ -87,15 +87,14 @@ def reference(
 
     cache = RenderCache()
     with BatchBar(quiet=quiet) as bar:
+
+        def warn(sentence: str) -> None:
+            bar.say(f"rt: warning: {sentence}", sys.stderr)
+
         for count, (path, (reference_scene, samples, number)) in enumerate(work.items()):
+            show = show_in_batch(bar, count, len(work), path.stem)
             rendered = render_reference(
-                reference_scene,
-                spp=samples,
-                seed=number,
-                threads=threads,
-                cache=cache,
-                progress=show_in_batch(bar, count, len(work), path.stem),
-                warn=lambda sentence: bar.say(f"rt: warning: {sentence}", sys.stderr),
+                reference_scene, spp=samples, seed=number, threads=threads, cache=cache, progress=show, warn=warn
             )
             sentence = _describe(path, rendered)
             save_reference(path, *rendered)

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -258,24 +259,13 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
             compile_bar.close()
             # From here on there is something to lose.
             with WATCH.on_first_signal(defer_interrupt):
-                rendered = render_prepared(
-                    prepared,
-                    progress=show,
-                    dry_run_save=lambda image: dry_run_save(image, request.outputs),
-                    checkpoint_writer=writer,
-                )
+                try_saving = partial(dry_run_save, outputs=request.outputs)
+                rendered = render_prepared(prepared, progress=show, dry_run_save=try_saving, checkpoint_writer=writer)
                 bar.close()
                 resume = ResumeInfo(writer, call.words)
                 write_outputs(rendered, request.outputs, request.stats, resume, warn)
-                report = RenderReport(
-                    rendered=rendered,
-                    outputs=request.outputs,
-                    options=request.options,
-                    spp=request.options.spp_limit(spec),
-                    resume=resume,
-                    debug=command,
-                    began=call.began,
-                )
+                spp = request.options.spp_limit(spec)
+                report = RenderReport(rendered, request.outputs, request.options, spp, resume, command, call.began)
                 report.show(quiet=request.quiet)
     return rendered
 

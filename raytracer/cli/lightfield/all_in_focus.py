@@ -35,7 +35,7 @@ def all_in_focus(
     less noise.  With --scale finer than any view, since views see a point between each other's pixels.
     """
     base.check_outputs(output, base.picture_suffixes(), "a picture")
-    index = parse_view("--view", view) or (None, None)
+    row, column = parse_view("--view", view) or (None, None)
     nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
 
     from raytracer.lightfield.depth.depth_map import depth_map
@@ -46,7 +46,7 @@ def all_in_focus(
     with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         with base.name_in_errors(file):
             depths = depth_map(
-                field, row=index[0], column=index[1], near=nearest, far=farthest, threads=threads, update=bar.update
+                field, row=row, column=column, near=nearest, far=farthest, threads=threads, update=bar.update
             )
         if scale == 1:
             picture = fuse(field, depths, update=bar.update)

@@ -67,8 +67,8 @@ def depth(
     base.check_outputs(outputs, map_suffixes(), "a depth map")
     if confidence is not None:
         base.check_outputs([confidence], map_suffixes(with_image=False), "a map of confidence")
-    index = base.parse_view("--view", view) or (None, None)
-    nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
+    row, column = base.parse_view("--view", view) or (None, None)
+    bounds = {"near": parse_distance("--near", near), "far": parse_distance("--far", far)}
 
     from raytracer.lightfield.depth.depth_map import METHODS, depth_map
     from raytracer.util.atomic_write import write_bytes
@@ -79,14 +79,7 @@ def depth(
     with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         with base.name_in_errors(file):
             depths = depth_map(
-                field,
-                row=index[0],
-                column=index[1],
-                method=method,
-                near=nearest,
-                far=farthest,
-                threads=threads,
-                update=bar.update,
+                field, row=row, column=column, method=method, threads=threads, update=bar.update, **bounds
             )
         for path in outputs:
             image_format = image_formats()[path.suffix.lower()]
@@ -136,11 +129,8 @@ def _summary(depths: "Depth", field: "LightField", method: str) -> dict[str, Any
     import numpy as np
 
     is_sure = depths.confidence >= _SURE
-    summary: dict[str, Any] = {
-        "method": method,
-        "view": [depths.row, depths.column],
-        "sure_share": float(is_sure.mean()),
-    }
+    view, share = [depths.row, depths.column], float(is_sure.mean())
+    summary: dict[str, Any] = {"method": method, "view": view, "sure_share": share}
     if is_sure.any():
         values = (depths.distance if field.is_metric else depths.inverse)[is_sure]
         # Not by interpolation, which has no answer between a number and infinity.
@@ -156,9 +146,8 @@ def _summary(depths: "Depth", field: "LightField", method: str) -> dict[str, Any
 def _print(summary: dict[str, Any]) -> None:
     print(f"{100.0 * summary['sure_share']:.1f} % of the pixels are sure (confidence of {_SURE:g} or more)")
     if "near_m" in summary:
-        near, median, far = (
-            "infinity" if v is None else f"{v:.4g} m" for v in (summary[n] for n in ("near_m", "median_m", "far_m"))
-        )
+        values = (summary[name] for name in ("near_m", "median_m", "far_m"))
+        near, median, far = ("infinity" if value is None else f"{value:.4g} m" for value in values)
         print(f"{_ALMOST_ALL} of these are {near} to {far} away, half of them at most {median}")
     elif "least_px" in summary:
         low, high = summary["least_px"], summary["most_px"]

@@ -1,7 +1,7 @@
 """`rt lightfield epi`: epipolar slices."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from typer import Option
 
@@ -38,19 +38,15 @@ def epi(
     """
     base.check_outputs([output], base.picture_suffixes(), "a slice")
     plane = parse_distance("--distance", distance)
+    inverse = None if plane is None else 1.0 / plane
 
     from raytracer.film.formats.registry import image_formats
     from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
 
     with base.open_light_field(file) as field:
         with base.name_in_errors(file):
-            epi_slice = epipolar_slice(
-                field,
-                direction="vertical" if vertical else "horizontal",
-                line=line,
-                views=views,
-                inverse_distance=None if plane is None else 1.0 / plane,
-            )
+            direction: Literal["vertical", "horizontal"] = "vertical" if vertical else "horizontal"
+            epi_slice = epipolar_slice(field, direction=direction, line=line, views=views, inverse_distance=inverse)
         if encode_pixels := image_formats()[output.suffix.lower()].encode_pixels:
             from raytracer.util.atomic_write import write_bytes
 

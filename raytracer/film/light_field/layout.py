@@ -56,14 +56,9 @@ class Mosaic:
 
     def light_field(self, image: "Image") -> LightField:
         """Extract the light field, without a copy of the pixels."""
-        rays = image.layers.get(RAYS_LAYER)
-        return LightField(
-            radiance=self._split_views(image.radiance),
-            views=self.views,
-            layers={name: self._split_views(layer) for name, layer in image.layers.items() if name != RAYS_LAYER},
-            rays=None if rays is None else rays_from_layer(rays, self.views),
-            settings=image.settings,
-        )
+        layers = {name: self._split_views(layer) for name, layer in image.layers.items() if name != RAYS_LAYER}
+        rays = rays_from_layer(image.layers[RAYS_LAYER], self.views) if RAYS_LAYER in image.layers else None
+        return LightField(self._split_views(image.radiance), self.views, layers, rays, image.settings)
 
     def _split_views(self, picture: NDArray[np.float64]) -> NDArray[np.float64]:
         """Reshape a picture (height, width, ...) to views (rows, columns, height, width, ...)."""

@@ -133,19 +133,13 @@ class Lenslets:
         layers = {name: np.asarray(layer) for name, layer in image.layers.items()}
         rays_layer = layers.pop(RAYS_LAYER, None)
         rays = self._rays(image.radiance, lit) if self.is_focused else None
+        rays = rays if rays_layer is None else rays_from_layer(rays_layer, views)
         radiance, seen, samples = self._split_radiance(image.radiance, lit)
         parts = {name: self._split_views(layer, None) for name, layer in layers.items()}
         # A view that is lit all over or nowhere has its place within the lens, or outside it.
         if (seen != seen[:, :, :1, :1]).any():
             parts[LIT_LAYER] = seen.astype(np.uint8)
-        return LightField(
-            radiance=radiance,
-            views=views,
-            layers=parts,
-            rays=rays if rays_layer is None else rays_from_layer(rays_layer, views),
-            settings=image.settings,
-            samples=samples,
-        )
+        return LightField(radiance, views, parts, rays, image.settings, samples)
 
     @cached_property
     def lit(self) -> FloatArray:

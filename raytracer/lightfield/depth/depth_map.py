@@ -9,6 +9,7 @@ Distances are those along the axis from the plane of the views, as of the AOV `d
 1 / distance, in which a step moves pixels by the same everywhere.
 """
 
+import itertools
 import math
 import os
 from collections.abc import Sequence
@@ -168,12 +169,8 @@ def _select_views(views: Views, reference: ViewIndex) -> list[ViewIndex]:
     chosen_rows = {round(place) for place in np.linspace(0, views.rows - 1, rows)}
     chosen_columns = {round(place) for place in np.linspace(0, views.columns - 1, columns)}
     grid = within_lens(views)
-    return [
-        (row, column)
-        for row in sorted(chosen_rows)
-        for column in sorted(chosen_columns)
-        if grid[row, column] and (row, column) != reference
-    ]
+    chosen = itertools.product(sorted(chosen_rows), sorted(chosen_columns))
+    return [view for view in chosen if grid[view] and view != reference]
 
 
 def _fuse_estimates(focus: Estimate, slopes: Estimate, *, agreeing: float) -> Estimate:

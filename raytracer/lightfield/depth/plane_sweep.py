@@ -99,11 +99,8 @@ def _add_view(
     offset = view_offsets(views, context.reference)[other]
     # Places that are equal but for rounding are in both halves.
     exact = float(np.finfo(np.float32).eps) * median_spacing(views)
-    halves = [
-        half
-        for half, is_in in enumerate((offset[0] <= exact, offset[0] >= -exact, offset[1] <= exact, offset[1] >= -exact))
-        if is_in
-    ]
+    right, up = offset
+    halves = np.flatnonzero([right <= exact, right >= -exact, up <= exact, up >= -exact]).tolist()
     view, lit = lit_view(context.field, *other)
     spline = Spline(sqrt_tone(view))
 

@@ -4,6 +4,7 @@ References: Gortler et al. 1996, "The Lumigraph", sec. 3.4 (views between others
     Buehler et al. 2001, "Unstructured Lumigraph Rendering".
 """
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -43,15 +44,11 @@ def view_weights(views: Views, right: float, up: float) -> list[ViewWeight]:
     columns, rows = views.position[0, :, 0], views.position[:, 0, 1]
     is_aligned = (views.position[..., 0] == columns) & (views.position[..., 1] == rows[:, None])
     if (grid & is_aligned).all() and (np.diff(columns) > 0.0).all() and (np.diff(rows) < 0.0).all():
-        column, row = _linear_weights(columns, right), _linear_weights(-rows, -up)
-        shares = [
-            ViewWeight(r, c, weight_r * weight_c)
-            for r, weight_r in row
-            for c, weight_c in column
-            if weight_r * weight_c > _LEAST_WEIGHT
-        ]
+        pairs = itertools.product(_linear_weights(-rows, -up), _linear_weights(columns, right))
+        shares = [ViewWeight(r, c, weight_r * weight_c) for (r, weight_r), (c, weight_c) in pairs]
     else:
         shares = _triangle_weights(views.position, grid, place)
+    shares = [share for share in shares if share.weight > _LEAST_WEIGHT]
     total = sum(share.weight for share in shares)
     return [share._replace(weight=share.weight / total) for share in shares]
 
@@ -82,15 +79,13 @@ def _triangle_weights(
         number = -1
     if number < 0:
         nearest = int(np.hypot(*(places - place).T).argmin())
-        return [ViewWeight(int(indices[nearest][0]), int(indices[nearest][1]), 1.0)]
+        row, column = indices[nearest].tolist()
+        return [ViewWeight(row, column, 1.0)]
     transform = mesh.transform[number]
     two = transform[:2] @ (place - transform[2])
     weights = [float(two[0]), float(two[1]), float(1.0 - two.sum())]
-    return [
-        ViewWeight(int(indices[corner][0]), int(indices[corner][1]), weight)
-        for corner, weight in zip(mesh.simplices[number], weights, strict=True)
-        if weight > _LEAST_WEIGHT
-    ]
+    corners = indices[mesh.simplices[number]].tolist()
+    return [ViewWeight(row, column, weight) for (row, column), weight in zip(corners, weights, strict=True)]
 
 
 def view_at(
