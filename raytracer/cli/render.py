@@ -245,12 +245,16 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
             WATCH.raise_if_interrupted()
             bar.show(progress)
 
+        # The picture is done before the command is to end.
+        wanted = request.options
+        if (limit := wanted.time_limit) is not None:
+            wanted = replace(wanted, time_limit=max(limit - _EXIT_SECONDS, 0.5 * limit))
         writer = _make_checkpoint_writer(request, bar)
         with on_hangup(writer.request_preview), options.connect_cluster(request.cluster) as cluster:
             with watch_compilation(compile_bar.show):
                 prepared = prepare_scene(
                     spec,
-                    _options_of_sampling(request.options),
+                    wanted,
                     load_seconds=time.perf_counter() - call.began,
                     warn=warn,
                     cluster=cluster,
@@ -268,12 +272,6 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
                 report = RenderReport(rendered, request.outputs, request.options, spp, resume, command, call.began)
                 report.show(quiet=request.quiet)
     return rendered
-
-
-def _options_of_sampling(options: RenderOptions) -> RenderOptions:
-    """Return the options by which the picture is done when the command is to end."""
-    limit = options.time_limit
-    return options if limit is None else replace(options, time_limit=max(limit - _EXIT_SECONDS, 0.5 * limit))
 
 
 def _make_checkpoint_writer(request: _Request, bar: "SampleBar") -> "CheckpointWriter":

@@ -160,23 +160,17 @@ def _report(result: "PointResult", say: Callable[[str], object]) -> None:
 
 def _conclude(result: "Sweep", folder: Path, others: list[str], *, quiet: bool) -> None:
     """Summarize the sweep on stderr, and fail if a point has failed."""
-    counts = {
-        status: sum(point.status == status for point in result.results) for status in ("done", "failed", "missing")
-    }
+    points = count(len(result.results), "point")
+    done, failed = (sum(point.status == status for point in result.results) for status in ("done", "failed"))
     if result.interrupted:
-        say(f"interrupted; {counts['done']} of {_points(result)} done; the same command goes on")
+        say(f"interrupted; {done} of {points} done; the same command goes on")
         raise Interrupted
     if not quiet:
         reused = f", {result.reused} of them before" if result.reused else ""
         names = (", " if result.zipped else " x ").join(f"{len(axis.values)} {axis.key}" for axis in result.axes)
-        print(f"{folder / 'index.html'}: {count(counts['done'], 'picture')} ({names}){reused}", file=sys.stderr)
+        print(f"{folder / 'index.html'}: {count(done, 'picture')} ({names}){reused}", file=sys.stderr)
     if others and not quiet:
-        number = count(len(others), "image")
-        note = f"{folder} also holds {number} that this sweep did not make, such as {others[0]}"
+        note = f"{folder} also holds {count(len(others), 'image')} that this sweep did not make, such as {others[0]}"
         say(f"{note}; -o names another folder")
-    if counts["failed"]:
-        raise OutputError(f"{counts['failed']} of {_points(result)} failed; {folder / 'manifest.csv'} says why")
-
-
-def _points(result: "Sweep") -> str:
-    return count(len(result.results), "point")
+    if failed:
+        raise OutputError(f"{failed} of {points} failed; {folder / 'manifest.csv'} says why")

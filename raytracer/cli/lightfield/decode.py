@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option
 
@@ -76,28 +76,16 @@ def decode(
         check_outputs([output], (".lf",), "a light field")
     options.check_f_number(f_number)
     distance = parse_positive("--focus-distance", focus_distance, "length")
-    pitch, focal, distance_behind = (
-        None if text is None else _finite(option, text)
-        for option, text in (
-            ("--pixel-pitch", pixel_pitch),
-            ("--focal-length", focal_length),
-            ("--microlens-distance", microlens_distance),
-        )
-    )
+    pitch = _length("--pixel-pitch", pixel_pitch, "um")
+    focal = _length("--focal-length", focal_length, "mm")
+    behind = _length("--microlens-distance", microlens_distance, "um")
 
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
     from raytracer.lightfield.decoding.microlens_grid import Optics, read_grid
     from raytracer.util.progress import Bar
 
     known = None if grid is None else read_grid(grid)
-    um = 1e3
-    optics = Optics(
-        pixel_pitch=None if pitch is None else um * pitch,
-        focal_length=focal,
-        f_number=f_number,
-        microlens_distance=None if distance_behind is None else um * distance_behind,
-        focus_distance=distance,
-    )
+    optics = Optics(pitch, focal, f_number, microlens_distance=behind, focus_distance=distance)
     light_field = decode_picture(raw, white, dark=dark, grid=known, bayer=bayer, views=views, srgb=srgb, optics=optics)
     if not quiet:
         for note in light_field.notes:
@@ -128,9 +116,11 @@ def _summary(grid: "Grid") -> str:
     return "\n".join(lines)
 
 
-def _finite(option: str, text: str) -> float:
-    """Parse a finite length (mm)."""
-    value = parse_positive(option, text, "optic")
-    if value == float("inf"):
+def _length(option: str, text: str | None, unit: Literal["mm", "um"]) -> float | None:
+    """Parse a finite length, in a unit; None if the option is not given."""
+    if text is None:
+        return None
+    millimetres = parse_positive(option, text, "optic")
+    if millimetres == float("inf"):
         raise InputError(f"{option} {text}: must be finite")
-    return value
+    return millimetres if unit == "mm" else 1e3 * millimetres
