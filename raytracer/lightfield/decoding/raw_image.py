@@ -101,9 +101,7 @@ def check_bayer(bayer: str, raw: Floats32, name: str) -> str:
 def demosaic(mosaic: Floats32, bayer: str) -> tuple[NDArray[np.uint16], float]:
     """Demosaic to three colours (height, width, 3), along edges.
 
-    Returns
-    -------
-    The colours as 16-bit codes, and the light of one step.
+    Returns the colours as 16-bit codes, and the light of one step.
 
     References: https://docs.opencv.org/4.x/d8/d01/group__imgproc__color__conversions.html, "Edge-Aware Demosaicing".
     """

@@ -187,9 +187,7 @@ def fit_to_size(
 ) -> tuple[ViewPlan, Sequence[str], int | None]:
     """Encode the views as data URIs of at most so many bytes together.
 
-    Returns
-    -------
-    The plan, reduced where needed, the URIs, and the quality; None if it is lossless.
+    Returns the plan, reduced where needed, the URIs, and the quality; None if it is lossless.
     """
     while True:
         coded = [code(view) for view in planned_views(field, plan)]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from raytracer.film.light_field.field import LightField, Rays, Samples
-from raytracer.film.light_field.lf.constants import (
+from raytracer.film.light_field.lf.stored_array import (
     AXES,
     CACHE_BYTES,
     FORMAT,
@@ -16,8 +16,6 @@ from raytracer.film.light_field.lf.constants import (
     NUMBERS,
     OPTIONAL_NUMBERS,
     VERSION,
-)
-from raytracer.film.light_field.lf.stored_array import (
     checked_array,
     checked_name,
     find_object,
