@@ -48,8 +48,8 @@ def find_negative_pixels(
     causes : possible ones, see `find_negative_causes`.
     left, top (px) : place of the first pixel in the whole picture.
 
-    Returns their number; and the `lowest` value of any channel, the `pixel` (x, y) that has it, and the `causes`, empty if
-    there are none.
+    Returns their number; and the `lowest` value of any channel, the `pixel` (x, y) that has it, and the `causes`, empty
+    if there are none.
     """
     # Most pictures have none, and one pass tells.
     lowest = float(np.fmin.reduce(values, axis=None))

@@ -85,8 +85,8 @@ def add_commands(app: typer.Typer, package: ModuleType, command: str | None = No
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run `rt` with `arguments` (default: those of the process).
 
-    Returns the exit status: 0 done, 1 the thing checked for or the machine failed, 2 wrong usage or input; 130 interrupted by
-    Ctrl-C, 143 by SIGTERM.
+    Returns the exit status: 0 done, 1 the thing checked for or the machine failed, 2 wrong usage or input; 130
+    interrupted by Ctrl-C, 143 by SIGTERM.
     """
     if arguments is not None:
         return _run(arguments, time.perf_counter())
