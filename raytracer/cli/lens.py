@@ -1,9 +1,7 @@
 """`rt lens`: a lens by itself, its import from other programs' files, and its distortion."""
 
-import contextlib
 import math
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -129,7 +127,7 @@ def report(
 
     lens = read_lens(Path(file))
     warnings = _report_import(file, lens, quiet=quiet)
-    with _name_file_in_errors(file):
+    with options.name_in_errors(file, ValueError):
         studied = study_lens(lens, _fit_settings(settings, sensor, lens))
     # What cannot be drawn is known before anything is written.
     contents = [make(lens, studied) for make in writers]
@@ -238,7 +236,7 @@ def distortion(
 
     lens = read_lens(Path(file))
     _report_import(file, lens, quiet=quiet)
-    with _name_file_in_errors(file):
+    with options.name_in_errors(file, ValueError):
         result = trace_distortion_map(set_up_bench(lens, _fit_settings(settings, sensor, lens)), width, ideal=ideal)
     as_text = to_json(files.as_dict(result))
     for path in outputs:
@@ -336,12 +334,3 @@ def _report_import(file: str, lens: "Lens", *, quiet: bool) -> list[str]:
     for warning in warnings:
         warn(f"{file}: {warning}")
     return warnings
-
-
-@contextlib.contextmanager
-def _name_file_in_errors(file: str) -> Iterator[None]:
-    """Turn errors about what a lens cannot do into one sentence that names its file."""
-    try:
-        yield
-    except ValueError as error:
-        raise InputError(f"{file}: {error}") from None

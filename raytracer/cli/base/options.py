@@ -86,6 +86,15 @@ def check_f_number(f_number: float | None) -> None:
         raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
 
 
+@contextmanager
+def name_in_errors(file: str, kind: type[Exception] = InputError) -> Iterator[None]:
+    """Begin what is said of wrong input, by errors of a kind, with the name of the file that it is wrong for."""
+    try:
+        yield
+    except kind as error:
+        raise InputError(f"{file}: {error}") from None
+
+
 def load_scene(file: str, define: list[str] | None, allow_files: list[str] | None) -> "SceneSpec":
     """Load the scene of a command, with the keys that `-D` overrides."""
     from raytracer.scene.load import load

@@ -44,7 +44,7 @@ def all_in_focus(
     from raytracer.util.progress import Bar
 
     with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        with base.name_in_errors(file):
+        with options.name_in_errors(file):
             depths = depth_map(
                 field, row=row, column=column, near=nearest, far=farthest, threads=threads, update=bar.update
             )

@@ -3,8 +3,7 @@
 Functions that check or parse raise an InputError for what is wrong.
 """
 
-import contextlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -73,15 +72,6 @@ def open_light_field(file: str) -> "OpenField":
     from raytracer.film.light_field import lf
 
     return lf.open(file)
-
-
-@contextlib.contextmanager
-def name_in_errors(file: str) -> Iterator[None]:
-    """Begin what is said of wrong input with the name of the light field that it is wrong for."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
 
 
 def check_outputs(paths: Sequence[Path], suffixes: Collection[str], noun: str) -> None:

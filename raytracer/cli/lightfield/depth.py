@@ -77,7 +77,7 @@ def depth(
     if method not in METHODS:
         raise InputError(f"--method {method}: must be one of {', '.join(METHODS)}")
     with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        with base.name_in_errors(file):
+        with options.name_in_errors(file):
             depths = depth_map(
                 field, row=row, column=column, method=method, threads=threads, update=bar.update, **bounds
             )

@@ -44,7 +44,7 @@ def epi(
     from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
 
     with base.open_light_field(file) as field:
-        with base.name_in_errors(file):
+        with options.name_in_errors(file):
             direction: Literal["vertical", "horizontal"] = "vertical" if vertical else "horizontal"
             epi_slice = epipolar_slice(field, direction=direction, line=line, views=views, inverse_distance=inverse)
         if encode_pixels := image_formats()[output.suffix.lower()].encode_pixels:

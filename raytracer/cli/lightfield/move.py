@@ -8,7 +8,7 @@ from typer import Option
 from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
-from raytracer.cli.lightfield.base import File, Quiet, check_outputs, name_in_errors, open_light_field, parse_distance
+from raytracer.cli.lightfield.base import File, Quiet, check_outputs, open_light_field, parse_distance
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -58,7 +58,7 @@ def move(
         raise InputError(f"--path {path}: must be one of {', '.join(PATHS)}")
     is_known = depth and plane is None
     with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        with name_in_errors(file):
+        with options.name_in_errors(file):
             positions = path_places(field.views, path, frames=frames, radius=path_radius)
             depths = depth_map(field, update=bar.update) if is_known else None
         pictures = []

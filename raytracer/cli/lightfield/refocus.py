@@ -109,7 +109,7 @@ def refocus(
 
     with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         arguments["update"] = bar.update
-        with base.name_in_errors(file):
+        with options.name_in_errors(file):
             if planes > 1:
                 images = focal_stack(field, distances, slopes=slopes, **arguments)
             else:

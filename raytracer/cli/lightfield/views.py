@@ -88,7 +88,7 @@ def views(
         if every:
             _save_all(field, output, ending, bar.update, quiet)
             return
-        with base.name_in_errors(file):
+        with options.name_in_errors(file):
             if index is not None:
                 chosen = reference_view(geometry, *index)
                 require_lit(field, *chosen)

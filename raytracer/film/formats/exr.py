@@ -48,13 +48,10 @@ def encode_exr(image: "Image", layers: Layers) -> bytes:
     import OpenEXR
 
     header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    header["chromaticities"] = _CHROMATICITIES
+    header |= {"chromaticities": _CHROMATICITIES}
     header |= {_PREFIX + key: value for key, value in header_settings(image).items()}
-
-    arrays: dict[str, NDArray[Any]] = {"": image.radiance}
-    if image.variance is not None:
-        arrays["variance"] = image.variance
-    arrays |= {**image.layers, **layers}
+    variance = {} if image.variance is None else {"variance": image.variance}
+    arrays: dict[str, NDArray[Any]] = {"": image.radiance, **variance, **image.layers, **layers}
 
     # A float64 that float32 cannot hold becomes inf, as it should; identifiers stay integers.
     channels: dict[str, NDArray[Any]] = {}

@@ -116,19 +116,16 @@ def export_array(field: LightField, path: str | Path) -> list[Path]:
 
 def _view_names(views: Views, naming: Naming, suffix: str) -> list[list[str]]:
     """Make the file names of all views, by row and column."""
-    if naming == "hci":
-        return [
-            [f"input_Cam{r * views.columns + c:03d}{suffix}" for c in range(views.columns)] for r in range(views.rows)
-        ]
-    if naming == "grid":
-        return [[f"view_{r:02d}_{c:02d}{suffix}" for c in range(views.columns)] for r in range(views.rows)]
-    return [
-        [
-            f"out_{r:02d}_{c:02d}_{-up / METRES_PER_MILLIMETRE:.6f}_{right / METRES_PER_MILLIMETRE:.6f}_{suffix}"
-            for c, (right, up) in enumerate(row)
-        ]
-        for r, row in enumerate(views.position.tolist())
-    ]
+
+    def name(row: int, column: int) -> str:
+        if naming == "hci":
+            return f"input_Cam{row * views.columns + column:03d}{suffix}"
+        if naming == "grid":
+            return f"view_{row:02d}_{column:02d}{suffix}"
+        right, up = views.position[row, column] / METRES_PER_MILLIMETRE
+        return f"out_{row:02d}_{column:02d}_{-up:.6f}_{right:.6f}_{suffix}"
+
+    return [[name(row, column) for column in range(views.columns)] for row in range(views.rows)]
 
 
 def _write_ground_truth(field: LightField, folder: Path) -> list[Path]:

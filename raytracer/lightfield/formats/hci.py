@@ -41,7 +41,9 @@ _SENSOR_MM = 35.0
 _PINHOLE = 100.0
 """The f-number that the benchmark's scenes have, whose views are sharp throughout."""
 
-_NO_POSE = {f"center_cam_{name}": "0.0" for name in ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")}
+_POSE_KEYS = tuple(f"center_cam_{name}" for name in ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad"))
+
+_NO_POSE = dict.fromkeys(_POSE_KEYS, "0.0")
 """Pose written where none is known, since the benchmark's readers require one."""
 
 
@@ -100,10 +102,9 @@ def read(path: Path) -> HciParameters:
     distance = positive("extrinsics", "focus_distance_m")
     if not math.isfinite(pixel + spacing + 1.0 / distance) or pixel == 0.0:
         raise InputError(f"{path}: its lengths must be finite, and none so small that nothing is left of it")
-    names = [*(f"center_cam_{axis}_m" for axis in "xyz"), *(f"center_cam_r{axis}_rad" for axis in "xyz")]
     pose = None
-    if all(parser.has_option("extrinsics", name) for name in names):
-        pose = _pose([number("extrinsics", name) for name in names])
+    if all(parser.has_option("extrinsics", name) for name in _POSE_KEYS):
+        pose = _pose([number("extrinsics", name) for name in _POSE_KEYS])
     return HciParameters(
         rows=count("extrinsics", "num_cams_y"),
         columns=count("extrinsics", "num_cams_x"),
@@ -202,8 +203,7 @@ def _pose_keys(pose: Pose | None) -> dict[str, str]:
     if np.linalg.det(axes) <= 0.0:
         return _NO_POSE
     angles = Rotation.from_matrix(axes).as_euler("xyz")
-    places = {f"center_cam_{axis}_m": repr(float(value)) for axis, value in zip("xyz", pose.origin, strict=True)}
-    return places | {f"center_cam_r{axis}_rad": repr(float(a)) for axis, a in zip("xyz", angles, strict=True)}
+    return {key: repr(float(value)) for key, value in zip(_POSE_KEYS, (*pose.origin, *angles), strict=True)}
 
 
 def depth_to_disparity(depth: NDArray[np.float64], views: Views, step: float) -> NDArray[np.float64]:
