@@ -98,7 +98,7 @@ class Lenslets:
             return self._patches.views
         if whole is None:
             grid = self._grid
-            return self._views(grid.count, grid.step, grid.middle, grid.pixel, grid.width, grid.height)
+            return self._views(grid.count, 1.0, grid.middle, grid.pixel, grid.width, grid.height)
         if not whole.columns or not whole.rows:
             raise ValueError(f"a picture of {self.width} x {self.height} pixels holds no whole sub-image")
         count, width, height = whole.pixels, whole.columns, whole.rows

@@ -150,8 +150,7 @@ class Optics:
         steps = regular_grid(resampler.count, resampler.count)
         if self.missing:
             plane = Plane(1.0, -0.5 * resampler.width, 0.5 * resampler.height)
-            aperture = grid.diameter / resampler.step
-            return Views(steps, plane, resampler.width, resampler.height, cell=(1.0, 1.0), aperture=aperture)
+            return Views(steps, plane, resampler.width, resampler.height, cell=(1.0, 1.0), aperture=grid.diameter)
 
         assert self.pixel_pitch is not None
         assert self.focal_length is not None
@@ -177,14 +176,13 @@ class Optics:
         half = 0.5 * resampler.pixel
         left = (resampler.first[0] - half - 0.5 * resampler.raw_width) * tangent
         top = (0.5 * resampler.raw_height - resampler.first[1] + half) * tangent
-        step = resampler.step * on_lens
         return Views(
-            steps * step,
+            steps * on_lens,
             Plane(resampler.pixel * tangent, left, top),
             resampler.width,
             resampler.height,
             inverse_focus=inverse_focus,
-            cell=(step, step),
+            cell=(on_lens, on_lens),
             aperture=aperture,
             focal_length=self.focal_length,
         )
