@@ -16,8 +16,6 @@ Example:
   rt cache --clear
 """
 
-_MEGABYTE = 1e6
-
 
 def cache(
     clear: Annotated[bool, Option("--clear", help="Remove all kernels; the next renders compile anew.")] = False,
@@ -36,7 +34,7 @@ def cache(
         left = clear_cache()
         if left.kernels or left.parts:
             raise OutputError(f"{left.folder}: {left.kernels} kernels and {left.parts} parts cannot be removed")
-        size = f"{held.bytes / _MEGABYTE:.1f} MB"
+        size = f"{held.bytes / 1e6:.1f} MB"
         print(f"{held.folder}: removed {held.kernels} kernels and {held.parts} parts, {size}", file=sys.stderr)
         held = left
     if as_json:
@@ -44,4 +42,4 @@ def cache(
     elif not clear:
         oldest = "-" if held.oldest is None else f"{datetime.fromtimestamp(held.oldest):%Y-%m-%d %H:%M}"
         print(f"folder   {held.folder}\nkernels  {held.kernels}\nparts    {held.parts}")
-        print(f"size     {held.bytes / _MEGABYTE:.1f} MB\noldest   {oldest}")
+        print(f"size     {held.bytes / 1e6:.1f} MB\noldest   {oldest}")

@@ -28,10 +28,6 @@ def find_negative_causes(*, has_negative_lobes: bool, is_spectral: bool, has_rea
     """List the possible causes of negative pixels in a picture.
 
     A simulated sensor records no negative light, so its read noise is then the only cause.
-
-    has_negative_lobes : whether the filter's weights may be negative.
-    is_spectral : whether light of single wavelengths becomes red, green and blue.
-    has_read_noise : whether a sensor is simulated.
     """
     if has_read_noise:
         return (READ_NOISE,)

@@ -28,8 +28,7 @@ def rays_to_views(field: LightField) -> tuple[LightField, str]:
     if rays is None or len(rays.weight) == 0:
         raise ValueError("the light field has no rays")
     count = len(rays.weight)
-    side = math.isqrt(int(count / (_RAYS_PER_PIXEL * views.width * views.height)))
-    side = min(_MOST, max(_FEWEST, side))
+    side = min(_MOST, max(_FEWEST, math.isqrt(int(count / (_RAYS_PER_PIXEL * views.width * views.height)))))
     across = views.aperture or 2.0 * float(np.abs(np.asarray(rays.place[:, :2])).max())
     if across == 0.0:
         return replace(field, rays=None), "All of its rays go through one point: there is nothing to focus."

@@ -64,9 +64,6 @@ def parse_distance(option: str, text: str | None) -> float | None:
     return distance
 
 
-# ---- Files
-
-
 def open_light_field(file: str) -> "OpenField":
     """Open the light field in a file, to use in a `with` block; see `lf.open`."""
     from raytracer.film.light_field import lf

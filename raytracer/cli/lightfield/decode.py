@@ -87,9 +87,8 @@ def decode(
     known = None if grid is None else read_grid(grid)
     optics = Optics(pitch, focal, f_number, microlens_distance=behind, focus_distance=distance)
     light_field = decode_picture(raw, white, dark=dark, grid=known, bayer=bayer, views=views, srgb=srgb, optics=optics)
-    if not quiet:
-        for note in light_field.notes:
-            print(f"note: {note}", file=sys.stderr)
+    for note in () if quiet else light_field.notes:
+        print(f"note: {note}", file=sys.stderr)
     if output is not None:
         with Bar(" views", quiet=quiet) as bar:
             light_field.write(output, bar.update)

@@ -93,6 +93,7 @@ def render(
     spec = options.load_scene(scene, define, allow_files)
     check_files([output, *([] if stats is None else [stats])])
     from raytracer.lightfield.capturing.capture import capture
+    from raytracer.rendering.checkpoint import SUFFIX
     from raytracer.rendering.progress import SampleBar
 
     with ExitStack() as stack:
@@ -127,7 +128,8 @@ def render(
                 **wanted.as_keywords(),
             )
         except KeyboardInterrupt:
-            further = f"; this goes on: {resume_command(context.obj.words)}" if _has_checkpoints(output) else ""
+            has_samples = any(output.parent.glob(f"{glob.escape(output.name)}.*{SUFFIX}"))
+            further = f"; this goes on: {resume_command(context.obj.words)}" if has_samples else ""
             bar.say(f"rt: interrupted; {output} is not written{further}")
             raise Interrupted from None
         bar.close()
@@ -142,13 +144,6 @@ def _check_format(output: Path, dtype: str) -> None:
         raise InputError(f"{output}: a light field is written as {SUFFIX}, such as {output.with_suffix(SUFFIX)}")
     if dtype not in TYPES:
         raise InputError(f"--dtype {dtype}: must be {', '.join(TYPES)}")
-
-
-def _has_checkpoints(output: Path) -> bool:
-    """Return True if samples of some part of a light field are kept."""
-    from raytracer.rendering.checkpoint import SUFFIX
-
-    return any(output.parent.glob(f"{glob.escape(output.name)}.*{SUFFIX}"))
 
 
 def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bool, strict: bool) -> None:

@@ -6,7 +6,6 @@ from typing import Annotated
 
 from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
-from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import File, Quiet, check_outputs, open_light_field
 from raytracer.util.errors import InputError
 
@@ -49,9 +48,7 @@ def view(
     with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         notes = write_page(path, field, title=Path(file).stem, size=max_bytes, exposure=ev, update=bar.update)
     if not quiet:
-        for note in notes:
-            print(note, file=sys.stderr)
-    report_written(path, quiet=quiet)
+        print(*notes, f"wrote {path}", sep="\n", file=sys.stderr)
 
 
 def _bytes(text: str) -> int:

@@ -36,8 +36,7 @@ class Lattice:
     across: tuple[float, float]
 
     def __post_init__(self) -> None:
-        numbers = (*self.origin, *self.along, *self.across)
-        if not all(map(math.isfinite, numbers)):
+        if not all(map(math.isfinite, (*self.origin, *self.along, *self.across))):
             raise ValueError("numbers of a lattice must be finite")
         if not self.area > 0.0:
             raise ValueError("the steps of a lattice must lead to different sides")

@@ -180,12 +180,11 @@ class Lenslets:
         places = np.stack([x, y], axis=-1)
         corner = np.floor(self.lattice.index(places))
         best, least = np.zeros_like(places), np.full(places.shape[:2], np.inf)
-        for right in (0.0, 1.0):
-            for down in (0.0, 1.0):
-                middles = self.lattice.place(corner[..., 0] + right, corner[..., 1] + down)
-                distance = ((places - middles) ** 2).sum(axis=-1)
-                nearer = distance < least
-                best, least = np.where(nearer[..., None], middles, best), np.where(nearer, distance, least)
+        for right, down in np.ndindex(2, 2):
+            middles = self.lattice.place(corner[..., 0] + right, corner[..., 1] + down)
+            distance = ((places - middles) ** 2).sum(axis=-1)
+            nearer = distance < least
+            best, least = np.where(nearer[..., None], middles, best), np.where(nearer, distance, least)
         return best, places - best
 
     def _rays(self, radiance: NDArray[Any], lit: FloatArray) -> Rays:

@@ -23,8 +23,6 @@ from raytracer.rendering.statistics import Stats, peak_rss_bytes
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 
-_GIGABYTE = 1e9
-
 
 class ViewBand(NamedTuple):
     """Band of views: the rows `row` <= r < `row_end`, and the columns `column` <= c < `column_end`."""
@@ -106,7 +104,7 @@ def _whole_picture_reason(spec: SceneSpec, layout: Layout, aovs: Sequence[str]) 
 
 
 def _gigabytes(size: float) -> str:
-    return f"{size / _GIGABYTE:.3g} GB"
+    return f"{size / 1e9:.3g} GB"
 
 
 class BandStats(NamedTuple):

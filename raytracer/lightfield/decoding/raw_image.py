@@ -146,11 +146,10 @@ def flatten_channels(picture: Floats32, bayer: str | None) -> Floats32:
     if bayer is None:
         return picture
     flat = np.empty_like(picture)
-    for row in (0, 1):
-        for column in (0, 1):
-            part = picture[row::2, column::2]
-            mean = float(part.mean(dtype=np.float64))
-            flat[row::2, column::2] = part / mean if mean > 0.0 else part
+    for row, column in np.ndindex(2, 2):
+        part = picture[row::2, column::2]
+        mean = float(part.mean(dtype=np.float64))
+        flat[row::2, column::2] = part / mean if mean > 0.0 else part
     return flat
 
 
@@ -158,7 +157,7 @@ def has_color_filters(white: Floats32) -> bool:
     """Tell if a picture seems to be behind a mosaic of colour filters."""
     if white.ndim == 3:
         return False
-    means = [float(white[i::2, j::2].mean(dtype=np.float64)) for i in (0, 1) for j in (0, 1)]
+    means = [float(white[i::2, j::2].mean(dtype=np.float64)) for i, j in np.ndindex(2, 2)]
     return max(means) > _FILTER_RATIO * min(means)
 
 

@@ -135,8 +135,7 @@ def _write_ground_truth(field: LightField, folder: Path) -> list[Path]:
     middle = None
     number_in_middle = views.rows * views.columns // 2
     for number in range(views.rows * views.columns if hci.DEPTH_LAYER in field.layers else 0):
-        row, column = divmod(number, views.columns)
-        depth = np.asarray(field.layers[hci.DEPTH_LAYER][row, column], dtype=np.float64)
+        depth = np.asarray(field.layers[hci.DEPTH_LAYER][divmod(number, views.columns)], dtype=np.float64)
         if depth.ndim != 2 or not np.isfinite(depth).any():
             continue
         maps = {hci.DEPTH_LAYER: depth, hci.DISPARITY_MAP: hci.depth_to_disparity(depth, views, step)}

@@ -170,12 +170,15 @@ def _notes(field: LightField, plan: ViewPlan, quality: int | None, size: int) ->
 
 def _fallback_image(field: LightField, exposure: float) -> str:
     """Encode the view from the middle, for browsers without WebGL."""
-    views = field.views
-    scale = min(1.0, _STILL_SIZE / max(views.width, views.height))
-    view = resize_view(
-        field.view(*views.nearest()), max(1, round(scale * views.width)), max(1, round(scale * views.height))
-    )
+    view = resize_view(field.view(*field.views.nearest()), *_fit_within(field, _STILL_SIZE))
     return html.jpeg(srgb.to_uint8(2.0**exposure * view))
+
+
+def _fit_within(field: LightField, longest: int) -> tuple[int, int]:
+    """Compute the width and height of views that are reduced to so many pixels along the longer side."""
+    width, height = field.views.width, field.views.height
+    scale = min(1.0, longest / max(width, height))
+    return max(1, round(scale * width)), max(1, round(scale * height))
 
 
 def _view_steps(position: NDArray[np.float64]) -> tuple[float, float]:
@@ -254,8 +257,7 @@ def viewer_depth(field: LightField, *, metric: bool, update: Update | None) -> V
 def _estimate_depth(field: LightField, update: Update | None) -> ViewerDepth | None:
     """Estimate the map from the views, made smaller: that takes less time, and has less noise; None if it fails."""
     views = field.views
-    scale = min(1.0, _SEARCH_SIZE / max(views.width, views.height))
-    width, height = max(1, round(scale * views.width)), max(1, round(scale * views.height))
+    width, height = _fit_within(field, _SEARCH_SIZE)
     radiance = np.empty((views.rows, views.columns, height, width, 3), dtype=np.float32)
     for place in np.ndindex(views.rows, views.columns):
         radiance[place] = resize_view(lit_view(field, *place)[0], width, height)

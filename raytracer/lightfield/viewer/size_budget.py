@@ -82,8 +82,6 @@ def _initial_exposure(grey: NDArray[np.float64], peak: float) -> float:
     return _EV_STEP * round(-math.log2(bright) / _EV_STEP)
 
 
-# ---- Which views, and how large
-
 # Least limits of WebGL 2: layers of a texture, and pixels along its side.
 _MOST_VIEWS = 256
 _LONGEST_SIDE = 2048

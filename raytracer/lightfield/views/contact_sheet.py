@@ -33,8 +33,7 @@ def montage(field: LightField, *, width: int | None = None, gap: int = 2) -> Flo
     view_width = math.inf if width is None else (width - gap * (views.columns - 1)) / views.columns
     if view_width < 1.0:
         raise InputError(f"a picture {width} pixels wide has no room for {views.columns} views in a row")
-    factor = max(1, math.ceil(views.width / view_width))
-    factor = min(factor, views.width, views.height)
+    factor = min(max(1, math.ceil(views.width / view_width)), views.width, views.height)
     small = views.height // factor, views.width // factor
     whole = np.ones((views.rows * (small[0] + gap) - gap, views.columns * (small[1] + gap) - gap, 3))
     lit = lit_views(field)

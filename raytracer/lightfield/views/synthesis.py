@@ -172,11 +172,10 @@ def reproject_depth(depth: Depth, views: Views, place: NDArray[np.float64]) -> F
     rows, columns = _places(right, down)
     moved = np.full((height, width), -np.inf)
     # All pixels that a moved one covers in part.
-    for floor_row in (np.floor(rows), np.ceil(rows)):
-        for floor_column in (np.floor(columns), np.ceil(columns)):
-            r, c = floor_row.astype(np.int64), floor_column.astype(np.int64)
-            is_in = (r >= 0) & (r < height) & (c >= 0) & (c < width)
-            np.maximum.at(moved, (r[is_in], c[is_in]), inverse[is_in])
+    for round_row, round_column in itertools.product((np.floor, np.ceil), repeat=2):
+        r, c = round_row(rows).astype(np.int64), round_column(columns).astype(np.int64)
+        is_in = (r >= 0) & (r < height) & (c >= 0) & (c < width)
+        np.maximum.at(moved, (r[is_in], c[is_in]), inverse[is_in])
     missing = np.isneginf(moved)
     while missing.any() and not missing.all():
         grown = ndimage.minimum_filter(np.where(missing, np.inf, moved), 3, mode="nearest")

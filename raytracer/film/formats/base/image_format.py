@@ -59,8 +59,6 @@ Layers = Mapping[str, NDArray[np.floating[Any]]]
 DecodedLayers = tuple[dict[str, NDArray[np.float64]], dict[str, str]]
 """Layers and settings of a file; see `raytracer.film.image_file.load_layers`."""
 
-_UNORDERED = 1000
-
 
 @dataclass(frozen=True)
 class ImageFormat:
@@ -100,7 +98,7 @@ class ImageFormat:
     decode_display: Callable[[bytes], NDArray[np.float64]] | None = None
     decode_layers: Callable[[bytes, Collection[str] | None], DecodedLayers] | None = None
     decode_stored: Callable[[bytes], "StoredImage"] | None = None
-    order: int = _UNORDERED
+    order: int = 1000
 
 
 def header_settings(image: "Image") -> dict[str, str]:

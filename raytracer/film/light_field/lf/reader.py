@@ -177,9 +177,6 @@ def _read_settings(file: Any, path: Path) -> dict[str, str | float | int]:
     group = find_object(file, "settings", path)
     if group is None:
         return {}
-    settings: dict[str, str | float | int] = {}
-    for name in group.attrs:
-        value = read_attribute(group, name, path)
-        if isinstance(value, str | int | float):
-            settings[checked_name(name, "settings", path)] = value
-    return settings
+    values = {name: read_attribute(group, name, path) for name in group.attrs}
+    known = {name: value for name, value in values.items() if isinstance(value, str | int | float)}
+    return {checked_name(name, "settings", path): value for name, value in known.items()}
