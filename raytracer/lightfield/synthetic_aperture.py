@@ -121,22 +121,17 @@ def make_aperture(
         aperture = views.aperture
         if aperture is None:
             raise InputError("an aperture's shape or place needs its size: give aperture")
-    return RefocusAperture(aperture, _pack_shape(shape), center)
-
-
-def _pack_shape(shape: ApertureSpec | str | None) -> Any:
-    """Pack the shape of an aperture; None stays None."""
     if shape is None:
-        return None
-    if isinstance(shape, str):
-        shape = parse_aperture(shape)
+        return RefocusAperture(aperture, None, center)
     from raytracer.scene.assets.images import read_image
 
+    spec = parse_aperture(shape) if isinstance(shape, str) else shape
     # The assets of apertures are pictures.
     try:
-        return shape.pack({key: read_image(getattr(shape, key)) for key in shape.loads})
+        packed = spec.pack({key: read_image(getattr(spec, key)) for key in spec.loads})
     except ValueError as error:
         raise InputError(str(error)) from None
+    return RefocusAperture(aperture, packed, center)
 
 
 def parse_aperture(text: str) -> ApertureSpec:

@@ -26,9 +26,7 @@ class Lattice:
     along (px) : step to the next microlens in a row.
     across (px) : step to a microlens in the next row, for hexagons half way along as well.
 
-    Raises
-    ------
-    ValueError : numbers are not finite, or both steps lead the same way.
+    Raises ValueError: numbers are not finite, or both steps lead the same way.
     """
 
     origin: tuple[float, float]

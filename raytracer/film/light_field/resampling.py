@@ -54,9 +54,7 @@ class Resampler:
 
     Microlenses whose samples would lie outside the picture are left out.
 
-    Raises
-    ------
-    ValueError : fewer than two microlenses a side are whole.
+    Raises ValueError: fewer than two microlenses a side are whole.
     """
 
     lattice: Lattice

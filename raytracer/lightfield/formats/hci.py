@@ -154,13 +154,16 @@ def to_cfg(views: Views, name: str, disparity: NDArray[np.float64] | None) -> by
     """
     longer = max(views.width, views.height)
     focal_length = views.focal_length or _SENSOR_MM / (views.plane.pixel * longer)
+    # A view's f-number is that of the disc as large as its cell.
+    diameter = 0.0 if views.cell is None else 2.0 * math.sqrt(views.cell[0] * views.cell[1] / math.pi)
+    f_number = focal_length * METRES_PER_MILLIMETRE / diameter if diameter > 0.0 else _PINHOLE
     parser = configparser.ConfigParser(interpolation=None)
     parser["intrinsics"] = {
         "focal_length_mm": repr(focal_length),
         "image_resolution_x_px": str(views.width),
         "image_resolution_y_px": str(views.height),
         "sensor_size_mm": repr(views.plane.pixel * longer * focal_length),
-        "fstop": repr(_f_number(views, focal_length)),
+        "fstop": repr(f_number),
     }
     parser["extrinsics"] = {
         "num_cams_x": str(views.columns),
@@ -184,12 +187,6 @@ def to_cfg(views: Views, name: str, disparity: NDArray[np.float64] | None) -> by
     buffer = io.StringIO()
     parser.write(buffer)
     return buffer.getvalue().encode()
-
-
-def _f_number(views: Views, focal_length: float) -> float:
-    """Compute the f-number of one view: that of the disc as large as its cell."""
-    diameter = 0.0 if views.cell is None else 2.0 * math.sqrt(views.cell[0] * views.cell[1] / math.pi)
-    return focal_length * METRES_PER_MILLIMETRE / diameter if diameter > 0.0 else _PINHOLE
 
 
 def _pose_keys(pose: Pose | None) -> dict[str, str]:

@@ -214,9 +214,7 @@ _CHANNELS = 3
 class LazyPictures(LazyArray):
     """Array of views in one picture file each, (rows, columns, height, width, 3) in linear light.
 
-    Raises, when one is read
-    ------------------------
-    InputError : a file is broken, or of another size than the first.
+    Raises InputError, when one is read: a file is broken, or of another size than the first.
     """
 
     def __init__(self, files: list[list[Path]]) -> None:
@@ -248,9 +246,7 @@ class LazyNpy(LazyArray):
 
     Integers are taken for display values (sRGB), floating-point numbers for linear light.
 
-    Raises
-    ------
-    InputError : the file is missing, truncated, or holds something else.
+    Raises InputError: the file is missing, truncated, or holds something else.
     """
 
     def __init__(self, path: Path) -> None:
