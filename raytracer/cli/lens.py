@@ -52,15 +52,14 @@ With OpenCV, a picture that was made through the lens is straightened by
 _DEFAULT = "report"
 
 File = Annotated[str, Argument(metavar="FILE", help="Lens file: .yaml, or .dat or .zmx of other programs.")]
-Number = Annotated[float | None, takes("N", "Stop down to this; default: wide open.", "--f-number")]
-Distance = Annotated[str, takes("LENGTH", "Plane that is sharp, from the entrance pupil: 2m.", "--focus-distance")]
+Number = Annotated[float | None, takes("N", "Stop down to this; default: wide open.")]
+Distance = Annotated[str, takes("LENGTH", "Plane that is sharp, from the entrance pupil: 2m.")]
 Sensor = Annotated[
     str | None,
     takes(
         "SIZE",
         "A sensor's name, or width and height: aps_c, 36x24 (mm).  Default: full_frame, or as much of it as the "
         "lens's image circle holds.",
-        "--sensor",
     ),
 ]
 Wavelengths = Annotated[
@@ -68,11 +67,8 @@ Wavelengths = Annotated[
     takes(
         "NM,...",
         "Wavelengths (nm), or the lines d, F, C; the first is focused on, chromatic aberration is between the others.",
-        "--wavelengths",
     ),
 ]
-
-
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no summary.")]
 
 

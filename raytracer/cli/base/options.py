@@ -43,11 +43,7 @@ Define = Annotated[
 ]
 AllowFiles = Annotated[
     list[str] | None,
-    takes(
-        "FOLDER",
-        "Where the scene may name files too, besides its own folder; may repeat.  Also: RT_ALLOW_FILES.",
-        "--allow-files",
-    ),
+    takes("FOLDER", "Where the scene may name files too, besides its own folder; may repeat.  Also: RT_ALLOW_FILES."),
 ]
 Preview = Annotated[bool, Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")]
 Stats = Annotated[Path | None, takes("FILE.json", "Write what the render took as JSON.")]
