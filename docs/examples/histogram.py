@@ -1,7 +1,8 @@
 """`rt histogram`: a command as an exercise, complete in one file.
 
 To try it, put this file into `raytracer/cli/`: `rt histogram outputs/cover.exr` prints a bar for each stop of
-luminance, and `rt --help` lists the command.  Nothing else changes: commands are found by looking into that package.
+luminance, and `rt --help` lists the command.  Nothing else changes: commands are found by looking into that package, by
+functions that are called as their files are.
 """
 
 import math
@@ -44,8 +45,3 @@ def histogram(
     # Black, or not finite.
     if lit.size < values.size:
         print(f"{'others':>7}  {100.0 - 100.0 * lit.size / values.size:5.1f} %")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`: every module of the package has this function."""
-    app.command(epilog=EXAMPLE)(histogram)

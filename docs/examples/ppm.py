@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film import srgb
-from raytracer.film.formats.base.image_format import ImageFormat, Layers
-from raytracer.film.formats.base.limits import check_size
+from raytracer.film.formats.base.image_format import ImageFormat, Layers, check_size
 from raytracer.util.safe_open import BrokenFileError
 
 if TYPE_CHECKING:

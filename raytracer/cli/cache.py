@@ -3,9 +3,10 @@
 import sys
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.outputs import print_json
 from raytracer.util.errors import OutputError
 
 EXAMPLE = """\b
@@ -15,11 +16,9 @@ Example:
   rt cache --clear
 """
 
-_MEGABYTE = 1e6
-
 
 def cache(
-    clear: Annotated[bool, typer.Option("--clear", help="Remove all kernels; the next renders compile anew.")] = False,
+    clear: Annotated[bool, Option("--clear", help="Remove all kernels; the next renders compile anew.")] = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Show where compiled kernels are kept, how many there are, and how large, or remove them.
@@ -35,19 +34,12 @@ def cache(
         left = clear_cache()
         if left.kernels or left.parts:
             raise OutputError(f"{left.folder}: {left.kernels} kernels and {left.parts} parts cannot be removed")
-        size = f"{held.bytes / _MEGABYTE:.1f} MB"
+        size = f"{held.bytes / 1e6:.1f} MB"
         print(f"{held.folder}: removed {held.kernels} kernels and {held.parts} parts, {size}", file=sys.stderr)
         held = left
     if as_json:
-        import json
-
-        print(json.dumps({**held._asdict(), "folder": str(held.folder)}, indent=2))
+        print_json({**held._asdict(), "folder": str(held.folder)})
     elif not clear:
         oldest = "-" if held.oldest is None else f"{datetime.fromtimestamp(held.oldest):%Y-%m-%d %H:%M}"
         print(f"folder   {held.folder}\nkernels  {held.kernels}\nparts    {held.parts}")
-        print(f"size     {held.bytes / _MEGABYTE:.1f} MB\noldest   {oldest}")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(cache)
+        print(f"size     {held.bytes / 1e6:.1f} MB\noldest   {oldest}")

@@ -1,13 +1,15 @@
 """`rt check`: tests whether scenes still look like their references."""
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import print_json, say
 from raytracer.util.errors import Interrupted
 from raytracer.util.signals import WATCH, raise_interrupt
 
@@ -22,46 +24,25 @@ Examples:
 """
 
 _REPORT = Path("outputs") / "check.html"
+_SPP = "Samples per pixel.  Default: as many as it takes to find 1 % more or less light, 256 at least."
 
 
 def check(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of references that `rt reference` made.")],
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME", help="Names of references.  Default: all.")
-    ] = None,
-    spp: Annotated[
-        int | None,
-        typer.Option(
-            help="Samples per pixel.  Default: as many as it takes to find 1 % more or less light, 256 at least.",
-            min=1,
-            max=2**31 - 1,
-            show_default=False,
-        ),
-    ] = None,
+    folder: Annotated[Path, Argument(metavar="DIR", help="Folder of references that `rt reference` made.")],
+    names: Annotated[list[str] | None, Argument(metavar="NAME", help="Names of references.  Default: all.")] = None,
+    spp: Annotated[int | None, options.declare("spp", _SPP)] = None,
     seed: Annotated[
-        int | None,
-        typer.Option(
-            help="Seed of all random numbers.  Default: the one after the reference's.",
-            min=0,
-            max=2**32 - 1,
-            show_default=False,
-        ),
+        int | None, options.declare("seed", "Seed of all random numbers.  Default: the one after the reference's.")
     ] = None,
-    alpha: Annotated[
-        float, typer.Option(help="How often a scene that has not changed may fail.", min=1e-12, max=0.5)
-    ] = 1e-3,
+    alpha: Annotated[float, Option(help="How often a scene that has not changed may fail.", min=1e-12, max=0.5)] = 1e-3,
     report: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.html",
-            help=f"Page of all verdicts.  Default: {_REPORT.as_posix()}, and only if something fails.",
-            show_default=False,
-        ),
+        takes("FILE.html", f"Page of all verdicts.  Default: {_REPORT.as_posix()}, and only if something fails."),
     ] = None,
     allow_files: options.AllowFiles = None,
     threads: options.Threads = None,
     as_json: options.AsJson = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; only failures are printed.")] = False,
+    quiet: Annotated[bool, Option("--quiet", "-q", help="No progress; only failures are printed.")] = False,
 ) -> None:
     """Render scenes again, with other random numbers, and judge by the noise whether they look as their references do.
 
@@ -78,17 +59,14 @@ def check(
     page = report or _REPORT
     check_file(page)
 
-    cache, results, is_interrupted = RenderCache(), list["CheckResult"](), False
+    wanted, cache = CheckOptions(spp, seed, alpha), RenderCache()
+    results, is_interrupted = list["CheckResult"](), False
     with BatchBar(quiet=quiet) as bar, WATCH.on_first_signal(raise_interrupt):
         for number, path in enumerate(paths):
             try:
+                show = show_in_batch(bar, number, len(paths), path.stem)
                 result = check_reference(
-                    path,
-                    CheckOptions(spp, seed, alpha),
-                    threads=threads,
-                    allow_files=allow_files or [],
-                    cache=cache,
-                    progress=show_in_batch(bar, number, len(paths), path.stem),
+                    path, wanted, threads=threads, allow_files=allow_files or [], cache=cache, progress=show
                 )
             except KeyboardInterrupt:
                 is_interrupted = True
@@ -99,22 +77,16 @@ def check(
 
     has_failed = any(not result.passed and not result.error for result in results)
     if as_json:
-        print(json.dumps([result.json() for result in results], indent=2, allow_nan=False))
+        print_json([result.json() for result in results])
     if results and (report is not None or has_failed):
         from raytracer.analysis.regression.report import check_page as page_of
 
         write_bytes(page, page_of(results))
-        print(f"rt: {page} shows {'what has failed' if has_failed else 'the pictures'}", file=sys.stderr)
+        say(f"{page} shows {'what has failed' if has_failed else 'the pictures'}")
     if is_interrupted:
-        left = len(paths) - len(results)
-        print(f"rt: interrupted; {left} of {len(paths)} were not checked", file=sys.stderr)
+        say(f"interrupted; {len(paths) - len(results)} of {len(paths)} were not checked")
         raise Interrupted
     if any(result.error for result in results):
         raise typer.Exit(2)
     if has_failed:
         raise typer.Exit(1)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(check)

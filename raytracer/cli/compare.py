@@ -1,13 +1,14 @@
 """`rt compare`: measures how far apart images are, and tests whether by more than their noise."""
 
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import check_files, print_json, report_written
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,49 +27,45 @@ _FAILED = 1
 
 
 def compare(
-    a: Annotated[str, typer.Argument(metavar="A", help="Image, or folder of images.")],
-    b: Annotated[str, typer.Argument(metavar="B", help="What it is compared with: the reference.")],
+    a: Annotated[str, Argument(metavar="A", help="Image, or folder of images.")],
+    b: Annotated[str, Argument(metavar="B", help="What it is compared with: the reference.")],
     metric: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="What to measure: mae, mse, rmse, relmse, mrse, psnr, ssim, flip; may repeat.  Default: all, but for "
+        takes(
+            "NAME,...",
+            "What to measure: mae, mse, rmse, relmse, mrse, psnr, ssim, flip; may repeat.  Default: all, but for "
             "flip of large images, which takes long.",
-            show_default=False,
         ),
     ] = None,
     fail_above: Annotated[
-        list[str] | None,
-        typer.Option(metavar="METRIC=VALUE", help="Fail if a metric is above this: flip=0.05; may repeat."),
+        list[str] | None, takes("METRIC=VALUE", "Fail if a metric is above this: flip=0.05; may repeat.")
     ] = None,
     fail_below: Annotated[
-        list[str] | None,
-        typer.Option(metavar="METRIC=VALUE", help="The same for psnr and ssim, which are better when larger."),
+        list[str] | None, takes("METRIC=VALUE", "The same for psnr and ssim, which are better when larger.")
     ] = None,
     test: Annotated[
         bool | None,
-        typer.Option(
+        Option(
             "--test/--no-test",
             help="Whether the z-test of the variances that .exr files hold has to pass.  Default: if there is nothing "
             "else that could fail, and both images hold theirs.",
-            show_default=False,
         ),
     ] = None,
     alpha: Annotated[
         float | None,
-        typer.Option(help="How often images that differ by their noise only may fail the z-test.  Default: 0.001."),
+        Option(help="How often images that differ by their noise only may fail the z-test.  Default: 0.001."),
     ] = None,
     difference: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="[KIND=]FILE",
-            help="Write a picture of the difference, .png, of the kind signed (default), absolute, relative, flip, z "
+        takes(
+            "[KIND=]FILE",
+            "Write a picture of the difference, .png, of the kind signed (default), absolute, relative, flip, z "
             "or side-by-side; or .html, a page to wipe between the images.  Of folders: a folder of pictures.  "
             "May repeat.",
         ),
     ] = None,
     as_json: options.AsJson = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; what was found is printed.")] = False,
+    quiet: options.Findings = False,
 ) -> int:
     """Compare an image with a reference, or all images of a folder with those of the same name in another.
 
@@ -86,27 +83,19 @@ def compare(
     pictures = [_parse_difference(text, are_folders) for text in difference or []]
 
     from raytracer.analysis.compare import ALPHA, PassCriteria, normalize_criteria, normalize_metric_names
-    from raytracer.util.atomic_write import check_file
 
     names = None if metric is None else normalize_metric_names(name for text in metric for name in text.split(","))
     checks = normalize_criteria(PassCriteria(above, below, test, ALPHA if alpha is None else alpha))
-    comparison: Comparison | FolderComparison
-    if are_folders:
-        comparison = _compare_folders(a, b, names, checks, pictures, quiet)
-    else:
-        for picture in pictures:
-            check_file(picture.path)
-        comparison = _compare_files(a, b, names, checks, pictures, quiet)
+    compare_both = _compare_folders if are_folders else _compare_files
+    comparison: Comparison | FolderComparison = compare_both(a, b, names, checks, pictures, quiet)
     if as_json:
-        import json
-
-        print(json.dumps(comparison.json(), indent=2, allow_nan=False))
+        print_json(comparison.json())
     else:
         print(comparison.text(), end="")
     return _FAILED if comparison.passed is False else 0
 
 
-class _DifferenceOutput(NamedTuple):
+class _Output(NamedTuple):
     """A picture of differences to write."""
 
     kind: str
@@ -128,7 +117,7 @@ def _parse_bounds(option: str, texts: list[str] | None) -> dict[str, float]:
     return bounds
 
 
-def _parse_difference(text: str, are_folders: bool) -> _DifferenceOutput:
+def _parse_difference(text: str, are_folders: bool) -> _Output:
     """Parse the kind and file that `--difference` names."""
     from raytracer.analysis.compare import KINDS, check_kind
 
@@ -149,37 +138,27 @@ def _parse_difference(text: str, are_folders: bool) -> _DifferenceOutput:
         raise InputError(f"--difference {text}: pictures of differences are written as .png, or .html to wipe")
     if are_folders and kind != "wipe" and path.is_file():
         raise InputError(f"--difference {text}: is a file, and the pictures of a folder are written to a folder")
-    return _DifferenceOutput(kind, path)
+    return _Output(kind, path)
 
 
 def _compare_files(
-    a: str,
-    b: str,
-    names: tuple[str, ...] | None,
-    checks: "PassCriteria",
-    pictures: list[_DifferenceOutput],
-    quiet: bool,
+    a: str, b: str, names: tuple[str, ...] | None, checks: "PassCriteria", pictures: list[_Output], quiet: bool
 ) -> "Comparison":
     from raytracer.analysis.compare import compare_images, encode, read
     from raytracer.util.atomic_write import write_bytes
 
+    check_files(picture.path for picture in pictures)
     comparison = compare_images(read(a, "A"), read(b, "B"), names, checks)
     # What cannot be shown is known before anything is written.
     files = [(picture.path, encode(comparison, picture.kind)) for picture in pictures]
     for path, data in files:
         write_bytes(path, data)
-        if not quiet:
-            print(f"wrote {path}", file=sys.stderr)
+        report_written(path, quiet=quiet)
     return comparison
 
 
 def _compare_folders(
-    a: str,
-    b: str,
-    names: tuple[str, ...] | None,
-    checks: "PassCriteria",
-    pictures: list[_DifferenceOutput],
-    quiet: bool,
+    a: str, b: str, names: tuple[str, ...] | None, checks: "PassCriteria", pictures: list[_Output], quiet: bool
 ) -> "FolderComparison":
     from raytracer.analysis.compare import compare_folders, encode
     from raytracer.analysis.compare.difference_image import WipePage
@@ -202,12 +181,5 @@ def _compare_folders(
         comparisons = compare_folders(a, b, metrics=names, checks=checks, done=done)
     for path, views in wipes.items():
         write_bytes(path, views.page(f"{a} against {b}"))
-    if not quiet:
-        for picture in pictures:
-            print(f"wrote {picture.path}", file=sys.stderr)
+    report_written(*(picture.path for picture in pictures), quiet=quiet)
     return comparisons
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(compare)

@@ -6,9 +6,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import join_paths, warn
 from raytracer.schema.units import parse_duration, parse_percentage
 from raytracer.util.errors import InputError, Interrupted
 from raytracer.util.progress import Bar
@@ -33,45 +35,33 @@ _LAYOUT = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
 
 
 def cost(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
-    target: Annotated[str, typer.Option(metavar="ERROR", help="Relative error to reach: 1%, 0.01.")] = "1%",
-    budget: Annotated[
-        str | None, typer.Option(metavar="TIME", help="What can be had in this time: 60s, 5 min.")
-    ] = None,
+    scene: options.Scene,
+    target: Annotated[str, takes("ERROR", "Relative error to reach: 1%, 0.01.")] = "1%",
+    budget: Annotated[str | None, takes("TIME", "What can be had in this time: 60s, 5 min.")] = None,
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="DIR",
-            help="Folder for a page, a plot, an error map, CSV and JSON.",
-        ),
+        Path | None, options.output("DIR", "Folder for a page, a plot, an error map, CSV and JSON.")
     ] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
     variants: Annotated[
         str | None,
-        typer.Option(
+        takes(
+            "NAME,...",
+            "Which variants to compare, such as defocus,accuracy=fast.  Default: all.",
             "--variants",
             "--arms",
-            metavar="NAME,...",
-            help="Which variants to compare, such as defocus,accuracy=fast.  Default: all.",
         ),
     ] = None,
-    no_variants: Annotated[
-        bool, typer.Option("--no-variants", "--no-arms", help="Only predict, compare nothing.")
-    ] = False,
-    rounds: Annotated[int, typer.Option(help="How often each variant is rendered, at least 9 times.")] = 9,
+    no_variants: Annotated[bool, Option("--no-variants", "--no-arms", help="Only predict, compare nothing.")] = False,
+    rounds: Annotated[int, Option(help="How often each variant is rendered, at least 9 times.")] = 9,
     tiles: Annotated[
         int | None,
-        typer.Option(
-            help="How many tiles of 16 x 16 pixels to measure, at least 16 or all.  Default: what a minute allows."
-        ),
+        Option(help="How many tiles of 16 x 16 pixels to measure, at least 16 or all.  Default: what a minute allows."),
     ] = None,
     threads: options.Threads = None,
     seed: options.Seed = None,
     as_json: options.AsJson = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; what was found is printed.")] = False,
+    quiet: options.Findings = False,
 ) -> None:
     """Measure what a scene's accuracy costs in time, and what each of its effects and settings does to both.
 
@@ -90,10 +80,7 @@ def cost(
         from raytracer.analysis.cost.page import check_report
 
         check_report(output)
-    from raytracer.scene.load import load
-    from raytracer.scene.overrides import parse_overrides
-
-    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
+    spec = options.load_scene(scene, define, allow_files)
     load_seconds = time.perf_counter() - start
 
     from raytracer.analysis.cost.study import study
@@ -101,22 +88,8 @@ def cost(
 
     with contextlib.closing(_Bars(quiet)) as bar, WATCH.on_first_signal(raise_interrupt):
         try:
-            result = study(
-                spec,
-                StudyOptions(
-                    target=error,
-                    budget=seconds,
-                    rounds=rounds,
-                    variants=names,
-                    tiles=tiles,
-                    threads=threads,
-                    seed=seed,
-                ),
-                progress=bar.update,
-                name=scene,
-                load_seconds=load_seconds,
-                warn=lambda sentence: print(f"rt: warning: {sentence}", file=sys.stderr),
-            )
+            wanted = StudyOptions(error, seconds, rounds, names, tiles, threads, seed)
+            result = study(spec, wanted, progress=bar.update, name=scene, load_seconds=load_seconds, warn=warn)
         except KeyboardInterrupt:
             bar.close()
             print("nothing is known before the prediction is there", file=sys.stderr)
@@ -127,7 +100,7 @@ def cost(
 
         paths = write_report(result, output)
         if not quiet:
-            print(f"wrote {', '.join(map(str, paths))}", file=sys.stderr)
+            print(f"wrote {join_paths(paths)}", file=sys.stderr)
     if result.interrupted:
         raise Interrupted
 
@@ -178,8 +151,3 @@ class _Bars:
         """Remove the bar."""
         if self._bar is not None:
             self._bar.close()
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(cost)

@@ -2,9 +2,11 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import print_json
 
 EXAMPLE = """\b
 Example:
@@ -16,39 +18,25 @@ Example:
 
 
 def explain(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
+    scene: options.Scene,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
     circle: Annotated[
         str | None,
-        typer.Option(
-            metavar="SIZE",
-            help="Blur at which the depth of field ends: 0.03mm, 2px; default: 1/1500 of the sensor's diagonal.",
-        ),
+        takes("SIZE", "Blur at which the depth of field ends: 0.03mm, 2px; default: 1/1500 of the sensor's diagonal."),
     ] = None,
     every: Annotated[
-        bool,
-        typer.Option("--all", help="List every key of the scene too, at any depth: its value, and what it means."),
+        bool, Option("--all", help="List every key of the scene too, at any depth: its value, and what it means.")
     ] = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Say which effects a scene calls for and which not, and what its camera does, in numbers."""
     from raytracer.analysis.explain import explain as explained
     from raytracer.analysis.explain import parse_circle
-    from raytracer.scene.load import load
-    from raytracer.scene.overrides import parse_overrides
 
     limit = None if circle is None else parse_circle(circle)
-    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
-    explanation = explained(spec, circle=limit, every_key=every)
+    explanation = explained(options.load_scene(scene, define, allow_files), circle=limit, every_key=every)
     if as_json:
-        import json
-
-        print(json.dumps(explanation.json(), indent=2, allow_nan=False))
+        print_json(explanation.json())
     else:
         print(explanation.text(), end="")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(explain)

@@ -1,16 +1,17 @@
 """`rt lens`: a lens by itself, its import from other programs' files, and its distortion."""
 
-import contextlib
 import math
 import sys
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 import typer.core
+from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import check_files, print_json, report_written, to_json, warn
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,30 +51,25 @@ With OpenCV, a picture that was made through the lens is straightened by
 
 _DEFAULT = "report"
 
-File = Annotated[str, typer.Argument(metavar="FILE", help="Lens file: .yaml, or .dat or .zmx of other programs.")]
-Number = Annotated[float | None, typer.Option("--f-number", metavar="N", help="Stop down to this; default: wide open.")]
-Distance = Annotated[
-    str, typer.Option("--focus-distance", metavar="LENGTH", help="Plane that is sharp, from the entrance pupil: 2m.")
-]
+File = Annotated[str, Argument(metavar="FILE", help="Lens file: .yaml, or .dat or .zmx of other programs.")]
+Number = Annotated[float | None, takes("N", "Stop down to this; default: wide open.")]
+Distance = Annotated[str, takes("LENGTH", "Plane that is sharp, from the entrance pupil: 2m.")]
 Sensor = Annotated[
     str | None,
-    typer.Option(
-        "--sensor",
-        metavar="SIZE",
-        help="A sensor's name, or width and height: aps_c, 36x24 (mm).  Default: full_frame, or as much of it as the "
+    takes(
+        "SIZE",
+        "A sensor's name, or width and height: aps_c, 36x24 (mm).  Default: full_frame, or as much of it as the "
         "lens's image circle holds.",
-        show_default=False,
     ),
 ]
 Wavelengths = Annotated[
     str,
-    typer.Option(
-        "--wavelengths",
-        metavar="NM,...",
-        help="Wavelengths (nm), or the lines d, F, C; the first is focused on, chromatic "
-        "aberration is between the others.",
+    takes(
+        "NM,...",
+        "Wavelengths (nm), or the lines d, F, C; the first is focused on, chromatic aberration is between the others.",
     ),
 ]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="Print no summary.")]
 
 
 class _WithDefault(typer.core.TyperGroup):
@@ -85,7 +81,7 @@ class _WithDefault(typer.core.TyperGroup):
         return super().parse_args(ctx, args)
 
 
-group = typer.Typer(
+lens = typer.Typer(
     cls=_WithDefault,
     rich_markup_mode=None,
     add_completion=False,
@@ -93,16 +89,13 @@ group = typer.Typer(
 )
 
 
-@group.command(_DEFAULT, epilog=EXAMPLE)
+@lens.command(_DEFAULT, epilog=EXAMPLE)
 def report(
     file: File,
     output: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="OUT",
-            help="A report, .html or .pdf; the cross-section, .svg or .png; or all numbers, .json.  May repeat.",
+        options.output(
+            "OUT", "A report, .html or .pdf; the cross-section, .svg or .png; or all numbers, .json.  May repeat."
         ),
     ] = None,
     f_number: Number = None,
@@ -110,7 +103,7 @@ def report(
     sensor: Sensor = None,
     wavelengths: Wavelengths = "d,F,C",
     as_json: options.AsJson = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print no summary.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Show a lens by itself: first-order data, aberrations, spots, MTF, Seidel sums, tolerances.
 
@@ -121,9 +114,7 @@ def report(
     outputs = output or []
     writers = [find_writer(path) for path in outputs]
     settings = _settings(f_number, focus_distance, sensor, wavelengths)
-    _check_files(outputs)
-
-    import json
+    check_files(outputs)
 
     from raytracer.analysis.lens_design import text
     from raytracer.analysis.lens_design.performance.lens_study import study_lens
@@ -132,45 +123,38 @@ def report(
 
     lens = read_lens(Path(file))
     warnings = _report_import(file, lens, quiet=quiet)
-    with _name_file_in_errors(file):
+    with options.name_in_errors(file, ValueError):
         studied = study_lens(lens, _fit_settings(settings, sensor, lens))
     # What cannot be drawn is known before anything is written.
     contents = [make(lens, studied) for make in writers]
     for path, content in zip(outputs, contents, strict=True):
         write_bytes(path, content)
-        if not quiet:
-            print(f"wrote {path}", file=sys.stderr)
+        report_written(path, quiet=quiet)
     if as_json:
-        print(json.dumps(studied.as_dict(), indent=2, allow_nan=False, ensure_ascii=False))
+        print_json(studied.as_dict(), ensure_ascii=False)
     elif not quiet:
         # Warnings that stderr has already.
         notes = tuple(note for note in studied.notes if note.reason not in warnings)
         print(text.summary(studied._replace(notes=notes)), end="")
 
 
-@group.command("import", epilog=EXAMPLE_IMPORT)
+@lens.command("import", epilog=EXAMPLE_IMPORT)
 def import_file(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="Table of another program: .dat (pbrt) or .zmx (Zemax).")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="LENS.yaml", help="Lens file to write; default: stdout.")
-    ] = None,
+    file: Annotated[str, Argument(metavar="FILE", help="Table of another program: .dat (pbrt) or .zmx (Zemax).")],
+    output: Annotated[Path | None, options.output("LENS.yaml", "Lens file to write; default: stdout.")] = None,
     glass: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME=INDEX/ABBE",
-            help="What a glass is that is not in the catalogue: SK16=1.62041/60.3.  May repeat.",
-        ),
+        takes("NAME=INDEX/ABBE", "What a glass is that is not in the catalogue: SK16=1.62041/60.3.  May repeat."),
     ] = None,
     thickness: Annotated[
         Literal["after", "before"] | None,
-        typer.Option(
-            metavar="PLACE",
-            help="Where thickness stands in a .dat table: in the row of the surface before the way (after it), or of "
+        takes(
+            "PLACE",
+            "Where thickness stands in a .dat table: in the row of the surface before the way (after it), or of "
             "that behind it (before it).  Default: decided by the numbers.",
-            show_default=False,
         ),
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but warnings.")] = False,
+    quiet: Annotated[bool, Option("--quiet", "-q", help="Say nothing but warnings.")] = False,
 ) -> None:
     """Take over another program's lens: write it as a lens file.
 
@@ -178,12 +162,12 @@ def import_file(
     number; what is none of these is an error that says so.
     """
     from raytracer.optics.lens_system.importers import Choices, as_yaml, import_lens, parse_glasses
-    from raytracer.util.atomic_write import check_file, write_bytes
+    from raytracer.util.atomic_write import write_bytes
 
     if output is not None:
         if output.suffix.lower() not in (".yaml", ".yml"):
             raise InputError(f"{output}: a lens file is written as .yaml")
-        check_file(output)
+        check_files([output])
     if thickness is not None and not file.lower().endswith(".dat"):
         raise InputError(f"--thickness {thickness}: goes with tables, .dat; {file} says itself where it stands")
     try:
@@ -197,31 +181,27 @@ def import_file(
         print(text, end="")
         return
     write_bytes(output, text.encode())
-    if not quiet:
-        print(f"wrote {output}", file=sys.stderr)
+    report_written(output, quiet=quiet)
 
 
-@group.command("distortion", epilog=EXAMPLE_DISTORTION)
+@lens.command("distortion", epilog=EXAMPLE_DISTORTION)
 def distortion(
     file: File,
     output: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="OUT",
-            help="The maps and their inverse, .npz; OpenCV's model of them, .yaml; or all numbers but the maps, "
+        options.output(
+            "OUT",
+            "The maps and their inverse, .npz; OpenCV's model of them, .yaml; or all numbers but the maps, "
             ".json.  May repeat.",
         ),
     ] = None,
-    width: Annotated[int, typer.Option(help="Pixels across the sensor.", min=2, max=16_384)] = 1200,
+    width: Annotated[int, Option(help="Pixels across the sensor.", min=2, max=16_384)] = 1200,
     ideal: Annotated[
         Literal["rectilinear", "equidistant"] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Projection to compare with: rectilinear or equidistant.  Default: rectilinear, and equidistant for "
+        takes(
+            "NAME",
+            "Projection to compare with: rectilinear or equidistant.  Default: rectilinear, and equidistant for "
             "lenses that see 65 degrees from the axis or more.",
-            show_default=False,
         ),
     ] = None,
     f_number: Number = None,
@@ -229,7 +209,7 @@ def distortion(
     sensor: Sensor = None,
     wavelengths: Wavelengths = "d",
     as_json: options.AsJson = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print no summary.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Trace a lens's distortion over the sensor, and fit OpenCV's models to it.
 
@@ -242,9 +222,7 @@ def distortion(
         if path.suffix.lower() != ".yml":
             check_suffix(path, (".npz", ".yaml", ".json"), "a map of distortion")
     settings = _settings(f_number, focus_distance, sensor, wavelengths)
-    _check_files(outputs)
-
-    import json
+    check_files(outputs)
 
     from raytracer.analysis.lens_design.distortion_maps import distortion_map as maps
     from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
@@ -253,19 +231,18 @@ def distortion(
 
     lens = read_lens(Path(file))
     _report_import(file, lens, quiet=quiet)
-    with _name_file_in_errors(file):
+    with options.name_in_errors(file, ValueError):
         result = maps.trace_distortion_map(
             set_up_bench(lens, _fit_settings(settings, sensor, lens)), width, ideal=ideal
         )
-    as_text = json.dumps(maps.as_dict(result), indent=2, allow_nan=False) + "\n"
+    as_text = to_json(maps.as_dict(result))
     for path in outputs:
         kind = path.suffix.lower()
         if kind == ".json":
             write_bytes(path, as_text.encode())
         else:
             write_bytes(path, maps.to_npz(result) if kind == ".npz" else maps.to_opencv_yaml(result))
-        if not quiet:
-            print(f"wrote {path}", file=sys.stderr)
+        report_written(path, quiet=quiet)
     if as_json:
         print(as_text, end="")
     elif not quiet:
@@ -345,39 +322,12 @@ def _wavelengths(text: str) -> tuple[float, ...]:
 
 
 def _report_import(file: str, lens: "Lens", *, quiet: bool) -> list[str]:
-    """Say how an ambiguous file was read, and warn of what is probably a mistake in the lens.
-
-    Returns
-    -------
-    The warnings.
-    """
+    """Say how an ambiguous file was read; warn of what is probably a mistake in the lens, and return these warnings."""
     from raytracer.optics.lens_system.warnings import lens_warnings
 
     if lens.reading is not None and not lens.reading.is_guess and not quiet:
         print(f"{file}: {lens.reading.text}", file=sys.stderr)
     warnings = lens_warnings(lens)
     for warning in warnings:
-        print(f"rt: warning: {file}: {warning}", file=sys.stderr)
+        warn(f"{file}: {warning}")
     return warnings
-
-
-@contextlib.contextmanager
-def _name_file_in_errors(file: str) -> Iterator[None]:
-    """Turn errors about what a lens cannot do into one sentence that names its file."""
-    try:
-        yield
-    except ValueError as error:
-        raise InputError(f"{file}: {error}") from None
-
-
-def _check_files(paths: Sequence[Path]) -> None:
-    """Check that all files can be written before the work, not after."""
-    from raytracer.util.atomic_write import check_file
-
-    for path in paths:
-        check_file(path)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command, and those below it, to `app`."""
-    app.add_typer(group, name="lens")

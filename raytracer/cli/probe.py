@@ -1,14 +1,13 @@
 """`rt probe`: the radiance along one ray, or along all that come to a point."""
 
-import json
-import sys
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import join_paths, print_json, report_written, say, warn
 from raytracer.schema.units import Dimension
 from raytracer.util.errors import InputError, Interrupted
 
@@ -30,51 +29,42 @@ standard error.  With -o it is a picture of all directions, equirectangular, wit
 """
 
 
-@options.render_options("seed", "threads", "strict", strict="Take warnings for errors.")
+@options.render_options(
+    "spp",
+    "seed",
+    "threads",
+    "strict",
+    spp="Samples: of the ray, 65536 by default; with -o of each pixel, the scene's number by default.",
+    strict="Take warnings for errors.",
+)
 def probe(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
+    scene: options.Scene,
     *,
-    at: Annotated[str, typer.Option("--at", metavar="X,Y,Z", help="The point (m) that light comes to.")],
-    toward: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="A point (m) that it comes from, or past.")
-    ] = None,
-    direction: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="Or the direction in which one looks from `--at`.")
-    ] = None,
+    at: Annotated[str, takes("X,Y,Z", "The point (m) that light comes to.", "--at")],
+    toward: Annotated[str | None, takes("X,Y,Z", "A point (m) that it comes from, or past.")] = None,
+    direction: Annotated[str | None, takes("X,Y,Z", "Or the direction in which one looks from `--at`.")] = None,
     time: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Time of the scene: 0.5, 20ms.  Default: when its shutter opens.")
+        str | None, takes("TIME", "Time of the scene: 0.5, 20ms.  Default: when its shutter opens.")
     ] = None,
     wavelength: Annotated[
         str | None,
-        typer.Option(
-            metavar="NM",
-            help="Spectral radiance at this wavelength, 380 to 780 nm, relative to that of white light (D65).  "
+        takes(
+            "NM",
+            "Spectral radiance at this wavelength, 380 to 780 nm, relative to that of white light (D65).  "
             "Default: red, green and blue.",
         ),
     ] = None,
     output: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="A picture of all directions, .exr .hdr .npy .png .jpg; may repeat."
-        ),
+        list[Path] | None, options.output("FILE", "A picture of all directions, .exr .hdr .npy .png .jpg; may repeat.")
     ] = None,
     width: Annotated[
-        int | None, typer.Option(help="With -o: pixels across, twice as many as down.  Default: 1024.", min=2)
+        int | None, Option(help="With -o: pixels across, twice as many as down.  Default: 1024.", min=2)
     ] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
-    spp: Annotated[
-        int | None,
-        typer.Option(
-            help="Samples: of the ray, 65536 by default; with -o of each pixel, the scene's number by default.",
-            min=1,
-            max=2**31 - 1,
-            show_default=False,
-        ),
-    ] = None,
     given: options.GivenOptions,
     as_json: options.AsJson = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    quiet: Annotated[bool, Option("--quiet", "-q", help="No progress.")] = False,
 ) -> None:
     """Measure the plenoptic function: the radiance that comes to a point out of a direction, or out of all."""
     outputs = output or []
@@ -88,49 +78,26 @@ def probe(
     scene_time = None if time is None else options.parse_dimension("--time", time, "time")
     nm = None if wavelength is None else options.parse_dimension("--wavelength", wavelength, "wavelength")
 
-    wanted = replace(given.parse(), spp=spp)
+    wanted: dict[str, Any] = {"toward": ahead, "time": scene_time, "wavelength": nm, **given.parse().as_keywords()}
 
     from raytracer.analysis.probe import WIDTH, probe_sphere
     from raytracer.analysis.probe import probe as measure
     from raytracer.film.image_file import check_writable
     from raytracer.rendering.progress import SampleBar
-    from raytracer.scene.load import load
-    from raytracer.scene.overrides import parse_overrides
 
-    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
+    spec = options.load_scene(scene, define, allow_files)
     for path in outputs:
         check_writable(path)
-
-    def warn(sentence: str) -> None:
-        print(f"rt: warning: {sentence}", file=sys.stderr)
-
     with SampleBar(quiet=quiet) as bar:
+        wanted |= {"progress": bar.show, "warn": warn}
         if outputs:
-            rendered = probe_sphere(
-                spec,
-                start,
-                toward=ahead,
-                time=scene_time,
-                wavelength=nm,
-                width=width or WIDTH,
-                progress=bar.show,
-                warn=warn,
-                **wanted.as_keywords(),
-            )
-            _write(rendered, outputs, quiet=quiet)
+            _write(probe_sphere(spec, start, width=width or WIDTH, **wanted), outputs, quiet=quiet)
             return
-        measurement = measure(
-            spec,
-            start,
-            toward=ahead,
-            direction=look,
-            time=scene_time,
-            wavelength=nm,
-            progress=bar.show,
-            warn=warn,
-            **wanted.as_keywords(),
-        )
-    print(json.dumps(measurement.json(), indent=2, allow_nan=False) if as_json else _format(measurement))
+        measurement = measure(spec, start, direction=look, **wanted)
+    if as_json:
+        print_json(measurement.json())
+    else:
+        print(_format(measurement))
 
 
 def _check(toward: str | None, direction: str | None, width: int | None, outputs: list[Path], *, as_json: bool) -> None:
@@ -151,11 +118,9 @@ def _write(rendered: "Rendered", outputs: list[Path], *, quiet: bool) -> None:
     """Write the picture of all directions."""
     for path in outputs:
         rendered.image.save(path)
-        if not quiet:
-            print(f"wrote {path}", file=sys.stderr)
+        report_written(path, quiet=quiet)
     if rendered.interrupted:
-        names = ", ".join(map(str, outputs))
-        print(f"rt: interrupted; {names} has fewer samples than were asked for", file=sys.stderr)
+        say(f"interrupted; {join_paths(outputs)} has fewer samples than were asked for")
         raise Interrupted
 
 
@@ -186,8 +151,3 @@ def _point(option: str, text: str, dimension: Dimension = "length") -> list[floa
     if len(parts) != len("xyz"):
         raise InputError(f"{option} {text}: must be three numbers, X,Y,Z")
     return [options.parse_dimension(option, part, dimension) for part in parts]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(probe)

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
 from raytracer.util.errors import InputError
@@ -26,37 +26,15 @@ Examples:
 def reference(
     scenes: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="SCENE", help="Scene files; or references (.npz), which are rendered anew as they were."
-        ),
+        Argument(metavar="SCENE", help="Scene files; or references (.npz), which are rendered anew as they were."),
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="DIR",
-            help="Folder of the references.  Default: references.",
-            show_default=False,
-        ),
-    ] = None,
+    output: Annotated[Path | None, options.output("DIR", "Folder of the references.  Default: references.")] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
-    name: Annotated[
-        str | None,
-        typer.Option(help="Name of the reference.  Default: that of the scene's file.", show_default=False),
-    ] = None,
-    width: Annotated[
-        int | None, typer.Option(help="Width of the picture (px).  Default: 64.", min=1, show_default=False)
-    ] = None,
-    spp: Annotated[
-        int | None,
-        typer.Option(help="Samples per pixel.  Default: 4096.", min=1, max=2**31 - 1, show_default=False),
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(help="Seed of all random numbers.  Default: 12345.", min=0, max=2**32 - 1, show_default=False),
-    ] = None,
+    name: Annotated[str | None, Option(help="Name of the reference.  Default: that of the scene's file.")] = None,
+    width: Annotated[int | None, Option(help="Width of the picture (px).  Default: 64.", min=1)] = None,
+    spp: Annotated[int | None, options.declare("spp", "Samples per pixel.  Default: 4096.")] = None,
+    seed: Annotated[int | None, options.declare("seed", "Seed of all random numbers.  Default: 12345.")] = None,
     threads: options.Threads = None,
     quiet: options.Quiet = False,
 ) -> None:
@@ -109,15 +87,14 @@ def reference(
 
     cache = RenderCache()
     with BatchBar(quiet=quiet) as bar:
+
+        def warn(sentence: str) -> None:
+            bar.say(f"rt: warning: {sentence}", sys.stderr)
+
         for count, (path, (reference_scene, samples, number)) in enumerate(work.items()):
+            show = show_in_batch(bar, count, len(work), path.stem)
             rendered = render_reference(
-                reference_scene,
-                spp=samples,
-                seed=number,
-                threads=threads,
-                cache=cache,
-                progress=show_in_batch(bar, count, len(work), path.stem),
-                warn=lambda sentence: bar.say(f"rt: warning: {sentence}", sys.stderr),
+                reference_scene, spp=samples, seed=number, threads=threads, cache=cache, progress=show, warn=warn
             )
             sentence = _describe(path, rendered)
             save_reference(path, *rendered)
@@ -156,8 +133,3 @@ def _describe(path: Path, reference: "Reference") -> str:
         verdict = z_test(ratio * reference.mean, ratio**2 * reference.variance, before.mean, before.variance, ratio=spp)
         sentence += f"; what it replaces: {verdict.reason}"
     return sentence
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(reference)

@@ -1,19 +1,28 @@
 """`rt render`: from a scene file to images."""
 
-import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
+from typer import Option
 
 from raytracer.cli.base import options
-from raytracer.cli.base.checkpoints import ResumeInfo, find_checkpoint_path, parse_checkpoint_interval
-from raytracer.cli.base.cluster import connect_cluster
-from raytracer.cli.base.outputs import dry_run_save, save_picture_so_far, write_outputs
-from raytracer.cli.base.render_report import RenderReport, describe_delay
-from raytracer.cli.base.sample_path import DebugCommand, check_debug_options, parse_pixel, print_path
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import (
+    ResumeInfo,
+    check_files,
+    dry_run_save,
+    find_checkpoint_path,
+    parse_checkpoint_interval,
+    print_json,
+    save_picture_so_far,
+    say,
+    write_outputs,
+)
+from raytracer.cli.base.render_report import DebugCommand, RenderReport, describe_delay
 from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.scene.preview import SPP, preview_scene
 from raytracer.util.errors import InputError, Interrupted
@@ -46,17 +55,14 @@ _EXIT_SECONDS = 0.05
 @options.render_options(*OPTIONS)
 def render(
     context: typer.Context,
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
+    scene: options.Scene,
     *,
     output: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="Image to write, .png .jpg for display, .exr .hdr .npy linear; .lf holds a light field; may repeat.  "
+        options.output(
+            "FILE",
+            "Image to write, .png .jpg for display, .exr .hdr .npy linear; .lf holds a light field; may repeat.  "
             "Default: outputs/<scene>.png",
-            show_default=False,
         ),
     ] = None,
     define: options.Define = None,
@@ -65,54 +71,50 @@ def render(
     preview: options.Preview = False,
     cluster: Annotated[
         str | None,
-        typer.Option(
-            metavar="URL",
-            help="Have the samples taken by the workers of this Dask scheduler, tcp://host:8786 "
+        takes(
+            "URL",
+            "Have the samples taken by the workers of this Dask scheduler, tcp://host:8786 "
             "(pip install 'raytracer[cluster]').  The picture is bit-identical to one rendered here, if their "
             "instruction sets are alike; see docs/cluster.md.",
         ),
     ] = None,
     checkpoint: Annotated[
         str | None,
-        typer.Option(
-            metavar="TIME|off",
-            help="How often to write all samples so far to a file beside the first output, FILE.checkpoint, from which "
+        takes(
+            "TIME|off",
+            "How often to write all samples so far to a file beside the first output, FILE.checkpoint, from which "
             "--resume goes on: 30s, 5min.  If given, it is kept after the render, too.  Default: 60s, and kept "
             "after renders that take longer.",
-            show_default=False,
         ),
     ] = None,
     resume: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--resume",
             help="Go on from the samples in FILE.checkpoint: after an interrupt, a crash, or with a larger --spp.  The "
             "picture is bit-identical to that of an uninterrupted render.",
         ),
     ] = False,
     stats: options.Stats = None,
-    pixel: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="With --debug: the pixel, from 0,0 in the top left corner.")
-    ] = None,
+    pixel: Annotated[str | None, takes("X,Y", "With --debug: the pixel, from 0,0 in the top left corner.")] = None,
     sample: Annotated[
         int | None,
-        typer.Option(
+        Option(
             help="With --debug: the sample of the pixel, from 0.  Default: the first that is not finite, or else the "
             "brightest.",
             min=0,
             max=2**31 - 1,
-            show_default=False,
         ),
     ] = None,
     debug: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--debug",
             help="Write no picture: print the path of one sample, vertex by vertex, as it is in the picture that these "
             "options make.",
         ),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="With --debug: print JSON.")] = False,
+    as_json: Annotated[bool, Option("--json", help="With --debug: print JSON.")] = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Render a scene.
@@ -120,8 +122,12 @@ def render(
     Ctrl-C or SIGTERM ends the render early and writes the picture so far, and what --resume goes on from; a second one
     ends it at once.  SIGHUP writes the picture so far, and the render goes on.
     """
-    position = None if pixel is None else parse_pixel(pixel)
-    check_debug_options(position, sample, is_on=debug, as_json=as_json)
+    position = None if pixel is None else _parse_pixel(pixel)
+    if debug and position is None:
+        raise InputError("--debug needs --pixel X,Y, the pixel whose path it is to print")
+    for name, is_given in (("--pixel", pixel is not None), ("--sample", sample is not None), ("--json", as_json)):
+        if is_given and not debug:
+            raise InputError(f"{name} needs --debug, which prints the path of one sample")
     if debug and (resume or checkpoint is not None):
         raise InputError(f"--{'resume' if resume else 'checkpoint'} is for pictures, and --debug makes none")
     outputs = output or [Path("outputs") / f"{Path(scene).stem}.png"]
@@ -138,10 +144,7 @@ def render(
     if resume and request.checkpoint is None:
         raise InputError("--resume goes on from a checkpoint, and with --checkpoint off there is none")
 
-    from raytracer.scene.load import load
-    from raytracer.scene.overrides import parse_overrides
-
-    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
+    spec = options.load_scene(scene, define, allow_files)
     if not debug:
         _check_outputs(request, spec)
     if preview:
@@ -150,16 +153,38 @@ def render(
             spp = min(request.options.spp or spec.render.spp, SPP)
             request = request._replace(options=replace(request.options, spp=spp))
     if position is not None:
-        print_path(spec, position, sample, request.options, as_json=as_json)
+        _print_path(spec, position, sample, request.options, as_json=as_json)
         return
     command = DebugCommand(scene, define or [], preview, given)
     rendered = _render(request, spec, context.obj, command)
     seconds = time.perf_counter() - context.obj.began
     is_interrupted = rendered.interrupted or WATCH.signal_number is not None
     if (limit := request.options.time_limit) is not None and not is_interrupted and seconds > 1.05 * limit:
-        print(f"rt: {describe_delay(rendered, limit, seconds)}", file=sys.stderr)
+        say(describe_delay(rendered, limit, seconds))
     if is_interrupted:
         raise Interrupted
+
+
+def _parse_pixel(text: str) -> tuple[int, int]:
+    try:
+        x, y = map(int, text.split(","))
+    except ValueError:
+        raise InputError(f"--pixel {text}: must be two integers, X,Y") from None
+    return x, y
+
+
+def _print_path(
+    spec: "SceneSpec", pixel: tuple[int, int], sample: int | None, options: RenderOptions, *, as_json: bool
+) -> None:
+    """Print the path of one sample; see `path_debug.trace_sample`."""
+    from raytracer.rendering.path_debug import trace_sample
+    from raytracer.rendering.path_text import format_path
+
+    path = trace_sample(spec, pixel, sample, options)
+    if as_json:
+        print_json(path.json())
+    else:
+        print(format_path(path), end="")
 
 
 class _Request(NamedTuple):
@@ -183,20 +208,16 @@ class _Request(NamedTuple):
     quiet: bool
 
 
-# ---- Checks before the work
-
-
 def _check_outputs(request: _Request, spec: "SceneSpec") -> None:
     """Check that all files can be written before the work, not after."""
     from raytracer.film.image_file import check_writable
-    from raytracer.util.atomic_write import check_file
 
     for path in request.outputs:
         check_writable(path)
         if path.suffix.lower() == ".lf":
             _check_light_field(path, spec, request)
     if request.stats is not None:
-        check_file(request.stats)
+        check_files([request.stats])
 
 
 def _check_light_field(path: Path, spec: "SceneSpec", request: _Request) -> None:
@@ -207,9 +228,6 @@ def _check_light_field(path: Path, spec: "SceneSpec", request: _Request) -> None
     has_views = layout is not None and (layout.views.rows * layout.views.columns > 1 or "rays" in request.options.aovs)
     if not has_views or request.options.crop is not None:
         raise InputError(f"{path}: {NO_LIGHT_FIELD_MESSAGE}")
-
-
-# ---- The picture
 
 
 def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, command: DebugCommand) -> "Rendered":
@@ -223,12 +241,20 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
         def warn(sentence: str) -> None:
             bar.say(f"rt: warning: {sentence}")
 
+        def show(progress: "Progress") -> None:
+            WATCH.raise_if_interrupted()
+            bar.show(progress)
+
+        # The picture is done before the command is to end.
+        wanted = request.options
+        if (limit := wanted.time_limit) is not None:
+            wanted = replace(wanted, time_limit=max(limit - _EXIT_SECONDS, 0.5 * limit))
         writer = _make_checkpoint_writer(request, bar)
-        with on_hangup(writer.request_preview), connect_cluster(request.cluster) as cluster:
+        with on_hangup(writer.request_preview), options.connect_cluster(request.cluster) as cluster:
             with watch_compilation(compile_bar.show):
                 prepared = prepare_scene(
                     spec,
-                    _options_of_sampling(request.options),
+                    wanted,
                     load_seconds=time.perf_counter() - call.began,
                     warn=warn,
                     cluster=cluster,
@@ -237,32 +263,15 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
             compile_bar.close()
             # From here on there is something to lose.
             with WATCH.on_first_signal(defer_interrupt):
-                rendered = render_prepared(
-                    prepared,
-                    progress=lambda progress: _show_progress(progress, bar),
-                    dry_run_save=lambda image: dry_run_save(image, request.outputs),
-                    checkpoint_writer=writer,
-                )
+                try_saving = partial(dry_run_save, outputs=request.outputs)
+                rendered = render_prepared(prepared, progress=show, dry_run_save=try_saving, checkpoint_writer=writer)
                 bar.close()
                 resume = ResumeInfo(writer, call.words)
                 write_outputs(rendered, request.outputs, request.stats, resume, warn)
-                report = RenderReport(
-                    rendered=rendered,
-                    outputs=request.outputs,
-                    options=request.options,
-                    spp=request.options.spp_limit(spec),
-                    resume=resume,
-                    debug=command,
-                    began=call.began,
-                )
+                spp = request.options.spp_limit(spec)
+                report = RenderReport(rendered, request.outputs, request.options, spp, resume, command, call.began)
                 report.show(quiet=request.quiet)
     return rendered
-
-
-def _options_of_sampling(options: RenderOptions) -> RenderOptions:
-    """Return the options by which the picture is done when the command is to end."""
-    limit = options.time_limit
-    return options if limit is None else replace(options, time_limit=max(limit - _EXIT_SECONDS, 0.5 * limit))
 
 
 def _make_checkpoint_writer(request: _Request, bar: "SampleBar") -> "CheckpointWriter":
@@ -293,14 +302,3 @@ def _make_checkpoint_writer(request: _Request, bar: "SampleBar") -> "CheckpointW
             "without it they may be replaced"
         )
     return writer
-
-
-def _show_progress(progress: "Progress", bar: "SampleBar") -> None:
-    """Show how far a render is, if it is to go on."""
-    WATCH.raise_if_interrupted()
-    bar.show(progress)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(render)

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 EXAMPLE = """\b
 Example, for an editor with the YAML language server:
@@ -14,9 +14,7 @@ And for files of lenses:
 """
 
 
-def schema(
-    lens: Annotated[bool, typer.Option("--lens", help="That of lens files instead.")] = False,
-) -> None:
+def schema(lens: Annotated[bool, Option("--lens", help="That of lens files instead.")] = False) -> None:
     """Print the JSON Schema of scene files.
 
     It holds every key with its meaning, unit, range and default.
@@ -26,8 +24,3 @@ def schema(
     from raytracer.scene.json_schema import lens_schema, scene_schema
 
     print(json.dumps(lens_schema() if lens else scene_schema(), indent=2, ensure_ascii=False, allow_nan=False))
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(schema)

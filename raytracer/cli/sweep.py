@@ -1,16 +1,16 @@
 """`rt sweep`: a scene with every combination of some values, as pictures, numbers and a page to slide through."""
 
-import json
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
-from raytracer.cli.base.cluster import connect_cluster
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import print_json, say
 from raytracer.rendering.options import OPTIONS
 from raytracer.report.wording import count
 from raytracer.util.errors import InputError, Interrupted, OutputError
@@ -46,51 +46,41 @@ Run it again to go on: points that are done are kept.
     strict="Take warnings for errors: such a point fails.",
 )
 def sweep(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file, or file of a sweep (docs/sweeps.md).")],
+    scene: Annotated[str, Argument(metavar="SCENE", help="Scene file, or file of a sweep (docs/sweeps.md).")],
     *,
     define: Annotated[
         list[str] | None,
-        typer.Option(
+        takes(
+            "KEY=VALUES",
+            "Values of a key of the scene, see below; a single one is the same for all points.  May repeat: all "
+            "combinations are rendered.",
             "--define",
             "-D",
-            metavar="KEY=VALUES",
-            help="Values of a key of the scene, see below; a single one is the same for all points.  May repeat: all "
-            "combinations are rendered.",
         ),
     ] = None,
     allow_files: options.AllowFiles = None,
     zipped: Annotated[
-        bool, typer.Option("--zip", help="Take the values of all keys in pairs, in place of all combinations.")
+        bool, Option("--zip", help="Take the values of all keys in pairs, in place of all combinations.")
     ] = False,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="FOLDER",
-            help="Where images, manifest, contact sheet and page go.  Default: outputs/<scene>_sweep",
-            show_default=False,
-        ),
+        options.output("FOLDER", "Where images, manifest, contact sheet and page go.  Default: outputs/<scene>_sweep"),
     ] = None,
-    formats: Annotated[
-        str, typer.Option("--format", metavar="SUFFIX,...", help="Images of each point: png, jpg, exr, hdr, npy.")
-    ] = "png",
+    formats: Annotated[str, takes("SUFFIX,...", "Images of each point: png, jpg, exr, hdr, npy.", "--format")] = "png",
     animate: Annotated[
-        list[str] | None,
-        typer.Option(metavar="SUFFIX,...", help="Write an animation of all points too: gif, webp, png.  May repeat."),
+        list[str] | None, takes("SUFFIX,...", "Write an animation of all points too: gif, webp, png.  May repeat.")
     ] = None,
-    fps: Annotated[float, typer.Option(help="Frames a second of the animation.")] = 5.0,
+    fps: Annotated[float, Option(help="Frames a second of the animation.")] = 5.0,
     given: options.GivenOptions,
     preview: options.Preview = False,
-    max_points: Annotated[int, typer.Option(help="Points that a sweep may have.", min=1)] = 1000,
+    max_points: Annotated[int, Option(help="Points that a sweep may have.", min=1)] = 1000,
     cluster: Annotated[
-        str | None,
-        typer.Option(metavar="URL", help="Dask scheduler whose workers render: tcp://host:8786; see docs/cluster.md."),
+        str | None, takes("URL", "Dask scheduler whose workers render: tcp://host:8786; see docs/cluster.md.")
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print the points and their exact values, and render nothing.")
+        bool, Option("--dry-run", help="Print the points and their exact values, and render nothing.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the manifest as JSON.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print the manifest as JSON.")] = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Render a scene with every combination of some values.
@@ -124,7 +114,7 @@ def sweep(
             animate=[suffix.strip() for text in animate or [] for suffix in text.split(",")],
             fps=fps,
             max_points=max_points,
-            cluster=stack.enter_context(connect_cluster(cluster, bar.say)),
+            cluster=stack.enter_context(options.connect_cluster(cluster, bar.say)),
             progress=None if quiet else bar,
             report=lambda point: _report(point, bar.say),
             warn=lambda sentence: bar.say(f"rt: warning: {sentence}"),
@@ -133,7 +123,7 @@ def sweep(
     if as_json:
         from raytracer.analysis.sweep.manifest import to_json
 
-        print(json.dumps(to_json(result), indent=2, allow_nan=False, ensure_ascii=False))
+        print_json(to_json(result), ensure_ascii=False)
     _conclude(result, folder, stale_images(result), quiet=quiet)
 
 
@@ -151,7 +141,7 @@ def _print_dry_run(scene: str, define: list[str], *, zipped: bool, max_points: i
             plan.spec.replace(point.values)
         except InputError as error:
             wrong += 1
-            print(f"rt: {point.name} would fail: {error}", file=sys.stderr)
+            say(f"{point.name} would fail: {error}")
     if wrong:
         raise OutputError(f"{wrong} of {count(len(points), 'point')} would fail")
 
@@ -169,28 +159,17 @@ def _report(result: "PointResult", say: Callable[[str], object]) -> None:
 
 def _conclude(result: "Sweep", folder: Path, others: list[str], *, quiet: bool) -> None:
     """Summarize the sweep on stderr, and fail if a point has failed."""
-    counts = {
-        status: sum(point.status == status for point in result.results) for status in ("done", "failed", "missing")
-    }
+    points = count(len(result.results), "point")
+    done, failed = (sum(point.status == status for point in result.results) for status in ("done", "failed"))
     if result.interrupted:
-        print(f"rt: interrupted; {counts['done']} of {_points(result)} done; the same command goes on", file=sys.stderr)
+        say(f"interrupted; {done} of {points} done; the same command goes on")
         raise Interrupted
     if not quiet:
         reused = f", {result.reused} of them before" if result.reused else ""
         names = (", " if result.zipped else " x ").join(f"{len(axis.values)} {axis.key}" for axis in result.axes)
-        print(f"{folder / 'index.html'}: {count(counts['done'], 'picture')} ({names}){reused}", file=sys.stderr)
+        print(f"{folder / 'index.html'}: {count(done, 'picture')} ({names}){reused}", file=sys.stderr)
     if others and not quiet:
-        number = count(len(others), "image")
-        note = f"{folder} also holds {number} that this sweep did not make, such as {others[0]}"
-        print(f"rt: {note}; -o names another folder", file=sys.stderr)
-    if counts["failed"]:
-        raise OutputError(f"{counts['failed']} of {_points(result)} failed; {folder / 'manifest.csv'} says why")
-
-
-def _points(result: "Sweep") -> str:
-    return count(len(result.results), "point")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(sweep)
+        note = f"{folder} also holds {count(len(others), 'image')} that this sweep did not make, such as {others[0]}"
+        say(f"{note}; -o names another folder")
+    if failed:
+        raise OutputError(f"{failed} of {points} failed; {folder / 'manifest.csv'} says why")

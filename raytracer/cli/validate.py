@@ -1,11 +1,12 @@
 """`rt validate`: checks scene files."""
 
-import sys
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.outputs import say
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -16,10 +17,10 @@ Example:
 
 
 def validate(
-    scenes: Annotated[list[str], typer.Argument(metavar="SCENE", help="Scene files.")],
+    scenes: Annotated[list[str], Argument(metavar="SCENE", help="Scene files.")],
     allow_files: options.AllowFiles = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not name the files that are right.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Take warnings for errors.")] = False,
+    quiet: Annotated[bool, Option("--quiet", "-q", help="Do not name the files that are right.")] = False,
 ) -> None:
     """Check scene files, and the files that they name.
 
@@ -36,18 +37,13 @@ def validate(
             sentences = warning_messages(find_warnings(pack(load(scene, allow_files=allow_files or []))))
         except InputError as error:
             wrong = True
-            print(f"rt: {error}", file=sys.stderr)
+            say(str(error))
             continue
         for sentence in sentences:
-            print(f"rt: {'' if strict else 'warning: '}{sentence}", file=sys.stderr)
+            say(f"{'' if strict else 'warning: '}{sentence}")
         if sentences and strict:
             wrong = True
         elif not quiet:
             print(f"{scene}: valid")
     if wrong:
         raise typer.Exit(2)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(validate)

@@ -3,7 +3,7 @@
 import time
 from typing import Annotated
 
-import typer
+from typer import Argument
 
 from raytracer.cli.base import options
 
@@ -22,7 +22,7 @@ Example:
     denoise="The renders will be denoised.",
 )
 def warm(
-    scenes: Annotated[list[str], typer.Argument(metavar="SCENE", help="Scene files.")],
+    scenes: Annotated[list[str], Argument(metavar="SCENE", help="Scene files.")],
     *,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
@@ -37,21 +37,14 @@ def warm(
     from raytracer.core.compiler.compile_progress import COMPILATION, watch_compilation
     from raytracer.rendering.progress import CompileBar
     from raytracer.rendering.render import prepare_scene
-    from raytracer.scene.load import load
-    from raytracer.scene.overrides import parse_overrides
 
     check_cache()
     wanted = given.parse()
     for scene in scenes:
-        spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
+        spec = options.load_scene(scene, define, allow_files)
         compiled, began = COMPILATION.count, time.perf_counter()
         with CompileBar(quiet=quiet, announcement=None) as bar, watch_compilation(bar.show):
             prepare_scene(spec, wanted)
         took = f"compiled in {time.perf_counter() - began:.1f} s"
         if not quiet:
             print(f"{scene}: {took if COMPILATION.count > compiled else 'was in the cache'}", flush=True)
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(warm)

@@ -15,32 +15,23 @@ MAX_FPS = 1000.0 / (TICK_MS * MIN_TICKS)
 """Frames a second, at most."""
 
 
-def check(kind: str, fps: float, *, kind_option: str = "--animate", fps_option: str = "--fps") -> None:
-    """Check, before anything is rendered, that an animation of a suffix, without its dot, can be written.
-
-    Raises
-    ------
-    InputError : `fps` is not in 0..50, or there are no animations of this kind.
-    """
+def check(kind: str, fps: float) -> None:
+    """Raise an InputError if there are no animations of a suffix (without its dot), or `fps` is not in 0..50."""
     if f".{kind}" not in animation_suffixes():
         known = ", ".join(suffix.removeprefix(".") for suffix in animation_suffixes())
-        raise InputError(f"{kind_option} {kind}: must be one of {known}")
+        raise InputError(f"--animate {kind}: must be one of {known}")
     if not 0.0 < fps <= MAX_FPS:
-        raise InputError(f"{fps_option} {fps:g}: must be greater than 0 and at most {MAX_FPS:g}")
+        raise InputError(f"--fps {fps:g}: must be greater than 0 and at most {MAX_FPS:g}")
 
 
 def encode(frames: Sequence[NDArray[np.uint8]], kind: str, *, fps: float = 5.0, boomerang: bool = False) -> bytes:
     """Encode frames (height, width, 3), all of one size, in sRGB, as an animation; see the file of its format.
 
-    Parameters
-    ----------
     kind : suffix of the format, without its dot.
     fps : frames a second, at most 50.
     boomerang : whether to go back from the last frame to the first, rather than to start again.
 
-    Raises
-    ------
-    InputError : as `check`, or there is no frame.
+    Raises InputError: as `check`, or there is no frame.
     """
     check(kind, fps)
     if not frames:

@@ -22,12 +22,7 @@ _LARGEST = float(np.finfo(np.float32).max)
 
 
 def require_denoiser() -> None:
-    """Check, before an image is rendered, that it can be denoised.
-
-    Raises
-    ------
-    InputError : the extra is not installed, or does not run on this machine.
-    """
+    """Raise an InputError, before a render, if the denoiser is not installed or does not run on this machine."""
     _Device(threads=1).release()
 
 
@@ -89,16 +84,12 @@ def denoise(
 ) -> Image:
     """Denoise an image; the result is the same for any number of threads.
 
-    Parameters
-    ----------
     albedo, normal : (height, width, 3), means over a pixel in which rays that meet no surface count as 0.
     threads : number of threads; all processors if None.
     parts : rows and columns of each picture in the image, which are filtered apart from each other.
 
-    Raises
-    ------
-    InputError : see `require_denoiser`.
-    OutputError : the filter failed.
+    Raises InputError: see `require_denoiser`.
+    Raises OutputError: the filter failed.
     """
     device = _Device(threads)
     try:

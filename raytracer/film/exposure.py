@@ -44,8 +44,6 @@ _TINY = float(np.finfo(np.float64).tiny)
 class CropWindow(NamedTuple):
     """A part of a picture.
 
-    Attributes
-    ----------
     width, height (px) : of the whole picture.
     left, top (px) : place of the top left pixel of the part.
     view (px) : width and height of each of the views that the picture is made of, side by side; None for a single one.
@@ -66,8 +64,6 @@ class CropWindow(NamedTuple):
 class ExposureResult(NamedTuple):
     """The exposure of a picture.
 
-    Attributes
-    ----------
     gain : factor of the light on the film; 1 is then the sensor's saturation.
     iso : ISO speed, given or chosen by metering; None where aperture or shutter are not known.
     metered : mean luminance that was measured, in the unit of the film; None if none was.
@@ -167,9 +163,7 @@ def metering_weights(metering: Metering, frame: CropWindow, height: int, width: 
 
     References: Nikon, "D750 User's Manual": "Metering" (the circle) and "Specifications" (its weight of 75 %).
 
-    Raises
-    ------
-    InputError : the spot lies outside of the part.
+    Raises InputError: the spot lies outside of the part.
     """
     if metering.mode == "mean":
         return np.full((height, width), 1.0 / (height * width))
@@ -191,12 +185,7 @@ def metering_weights(metering: Metering, frame: CropWindow, height: int, width: 
 
 
 def meter_luminance(values: FloatArray, metering: Metering, frame: CropWindow) -> float:
-    """Meter the mean luminance of linear values (height, width, 3), in their unit.
-
-    Raises
-    ------
-    InputError : see `metering_weights`.
-    """
+    """Meter the mean luminance of linear values (height, width, 3), in their unit; raises as `metering_weights`."""
     height, width, _ = values.shape
     return float((metering_weights(metering, frame, height, width) * luminance(values)).sum())
 
@@ -221,10 +210,8 @@ def resolve_exposure(exposure: ExposureSettings, values: FloatArray, frame: Crop
     overexposed.  If aperture or shutter are not known, there is no speed, and the gain is chosen in the same way.  A
     black picture gets ISO 100, or a gain of 1.
 
-    Raises
-    ------
-    ValueError : a speed is given, and aperture or shutter are not known.
-    InputError : see `metering_weights`.
+    Raises ValueError: a speed is given, and aperture or shutter are not known.
+    Raises InputError: see `metering_weights`.
     """
     seconds = exposure.seconds if exposure.radiometric else None
     if exposure.iso is not None:

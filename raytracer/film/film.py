@@ -62,9 +62,5 @@ def develop(film: Film, settings: Mapping[str, str | float | int], *, is_final: 
     is_final : whether nothing will be added to the film, so that the image may share its memory.
     """
     samples = int(film.count.max())
-    return Image(
-        radiance=film.mean if is_final else film.mean.copy(),
-        variance=film.variance_of_mean() if samples > 1 else None,
-        samples=samples,
-        settings=dict(settings),
-    )
+    variance = film.variance_of_mean() if samples > 1 else None
+    return Image(film.mean if is_final else film.mean.copy(), variance, samples, dict(settings))

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.formats.base.image_format import DecodedLayers, Layers
-from raytracer.film.formats.base.limits import wrap_decode_errors
+from raytracer.film.formats.base.image_format import DecodedLayers, Layers, wrap_decode_errors
 from raytracer.film.formats.registry import display_suffixes, image_formats, image_suffixes, writable_suffixes
 from raytracer.util import safe_open
 from raytracer.util.atomic_write import check_file, is_special, write_bytes
@@ -24,16 +23,8 @@ if TYPE_CHECKING:
 _CHUNK_BYTES = 1 << 20
 
 
-# ---- writing ----
-
-
 def _format_suffix(path: Path, known: Sequence[str]) -> str:
-    """Find the suffix of a path's format among those that are known; a device without one takes PNG.
-
-    Raises
-    ------
-    InputError : the suffix is not known.
-    """
+    """Find the suffix of a path's format among those that are known, or raise an InputError; a device takes PNG."""
     if not path.suffix and is_special(path):
         return ".png"
     safe_open.check_suffix(path, known, "an image")
@@ -43,9 +34,7 @@ def _format_suffix(path: Path, known: Sequence[str]) -> str:
 def check_writable(path: str | Path) -> None:
     """Check, before an image is rendered, that it can be written to `path`; leave nothing behind.
 
-    Raises
-    ------
-    InputError : the suffix is not known, `path` is a folder or protected, or its folder cannot be made or written.
+    Raises InputError: the suffix is not known, `path` is a folder or protected, or its folder cannot be written.
     """
     check_file(path)
     _format_suffix(Path(path), writable_suffixes())
@@ -77,9 +66,6 @@ def save(image: "Image", path: str | Path, layers: Layers | None = None) -> None
         height, width, _ = image.radiance.shape
         raise OutputError(f"{path}: an image of {width} x {height} pixels cannot be written as {suffix}") from error
     write_bytes(path, data)
-
-
-# ---- reading ----
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -114,9 +100,7 @@ def load(path: str | Path) -> NDArray[np.float64]:
 def load_encoded(path: str | Path) -> NDArray[np.float64]:
     """Read values of a .png or .jpg file as it holds them, sRGB-encoded: float64 (height, width, 3) in 0..1.
 
-    Raises
-    ------
-    InputError : as `load`; or the file is of a linear format.
+    Raises InputError: as `load`; or the file is of a linear format.
     """
     path = Path(path)
     image_format = image_formats().get(path.suffix.lower())

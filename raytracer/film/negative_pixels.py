@@ -28,12 +28,6 @@ def find_negative_causes(*, has_negative_lobes: bool, is_spectral: bool, has_rea
     """List the possible causes of negative pixels in a picture.
 
     A simulated sensor records no negative light, so its read noise is then the only cause.
-
-    Parameters
-    ----------
-    has_negative_lobes : whether the filter's weights may be negative.
-    is_spectral : whether light of single wavelengths becomes red, green and blue.
-    has_read_noise : whether a sensor is simulated.
     """
     if has_read_noise:
         return (READ_NOISE,)
@@ -46,16 +40,12 @@ def find_negative_pixels(
 ) -> tuple[int, dict[str, Any]]:
     """Count the pixels of a picture that have a negative channel, and find the lowest.
 
-    Parameters
-    ----------
     values : (height, width, 3), as linear files hold them.
     causes : possible ones, see `find_negative_causes`.
     left, top (px) : place of the first pixel in the whole picture.
 
-    Returns
-    -------
-    Their number; and the `lowest` value of any channel, the `pixel` (x, y) that has it, and the `causes`, empty if
-    there are none.
+    Returns their number; and the `lowest` value of any channel, the `pixel` (x, y) that has it, and the `causes`, empty
+    if there are none.
     """
     # Most pictures have none, and one pass tells.
     lowest = float(np.fmin.reduce(values, axis=None))

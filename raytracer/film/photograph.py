@@ -5,7 +5,7 @@ Only the steps that a scene asks for are applied; a picture of plain radiance ke
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,6 @@ RADIANCE, RADIANCE_SQUARED = "W/(m2 sr)", "(W/(m2 sr))2"
 class DevelopSettings(NamedTuple):
     """Settings of the development of a picture.
 
-    Attributes
-    ----------
     exposure : settings of the camera; None for radiance as it is.
     sensor : to simulate; None for none.
     white_balance : see `white_balance.balance_gains`; None for none.
@@ -42,9 +40,7 @@ class DevelopSettings(NamedTuple):
 def check_develop_settings(process: DevelopSettings, frame: CropWindow, height: int, width: int) -> None:
     """Check, before an image is rendered, that a part of height x width pixels of the frame can be developed.
 
-    Raises
-    ------
-    InputError : a metering spot outside of the part, a Bayer mosaic without its library, or of too few pixels.
+    Raises InputError: a metering spot outside of the part, a Bayer mosaic without its library, or of too few pixels.
     """
     if process.exposure is not None and process.exposure.metering is not None:
         metering_weights(process.exposure.metering, frame, height, width)
@@ -58,15 +54,11 @@ def develop_photograph(
 ) -> tuple[Image, ExposureResult | None]:
     """Develop a picture; also return its exposure, if it was exposed.
 
-    Parameters
-    ----------
     image : radiance or irradiance of the film, a part of `frame`.
     seed : of the sensor's noise, if the sensor has none of its own.
     units : of the image's layers by name; layers of light and of variances of light are scaled as the picture is.
 
-    Raises
-    ------
-    InputError : see `check_develop_settings`.
+    Raises InputError: see `check_develop_settings`.
     """
     setting = None if process.exposure is None else resolve_exposure(process.exposure, image.radiance, frame)
     curve = process.tone_curve.curve(saturates=process.sensor is not None)
@@ -93,17 +85,16 @@ def develop_photograph(
         else:
             variance = variance + balance**2 * recorded.variance
 
-    layers = {name: _scaled(layer, gain, units.get(name, "")) for name, layer in image.layers.items()}
+    # Layers that hold light are scaled as the picture is exposed and balanced.
+    powers = {RADIANCE: gain, RADIANCE_SQUARED: gain**2}
+    layers = {
+        name: layer * powers[units[name]] if units.get(name) in powers else layer
+        for name, layer in image.layers.items()
+    }
     if variance is not None and "variance" in layers:
         layers["variance"] = variance
     settings = {**image.settings, **_header_settings(process, setting, balance, seed)}
     return replace(image, radiance=values, variance=variance, layers=layers, settings=settings), setting
-
-
-def _scaled(layer: NDArray[Any], gain: NDArray[np.float64], unit: str) -> NDArray[Any]:
-    """Scale a layer as the picture is exposed and balanced, if it holds light."""
-    powers = {RADIANCE: gain, RADIANCE_SQUARED: gain**2}
-    return layer * powers[unit] if unit in powers else layer
 
 
 def _header_settings(

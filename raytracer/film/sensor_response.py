@@ -46,8 +46,6 @@ _SMALLEST_MOSAIC = 3
 class SensorResponse(NamedTuple):
     """The response of a sensor to light at some ISO speed.
 
-    Attributes
-    ----------
     saturation (electrons) : of the value 1.
     full_well (electrons) : that a pixel holds.
     read_noise (electrons) : standard deviation.
@@ -83,8 +81,6 @@ class SensorResponse(NamedTuple):
 class SensorReadout(NamedTuple):
     """The recording of a sensor.
 
-    Attributes
-    ----------
     values : float64 (height, width, 3), of at most 1.
     variance : of the sensor's noise, of the same shape; None behind a Bayer mosaic, where it is not known.
     saturated : bool (height, width), pixels with all channels saturated.
@@ -101,37 +97,22 @@ def make_response(sensor: SensorSpec, speed: float | None) -> SensorResponse:
     return SensorResponse(sensor.full_well / gain, sensor.full_well, sensor.read_noise, sensor.white(), sensor.black())
 
 
-def require_demosaic() -> None:
-    """Check, before an image is rendered, that a Bayer mosaic can be turned into a picture.
-
-    Raises
-    ------
-    InputError : the extra is not installed, or does not run on this machine.
-    """
-    _opencv()
-
-
-def require_mosaic_size(height: int, width: int) -> None:
-    """Check that a mosaic of height x width pixels can be turned into a picture.
-
-    Raises
-    ------
-    InputError : it has fewer than 3 pixels a side.
-    """
-    if min(height, width) < _SMALLEST_MOSAIC:
-        raise InputError(
-            f"a Bayer mosaic needs a picture of at least {_SMALLEST_MOSAIC} x {_SMALLEST_MOSAIC} pixels, "
-            f"got {width} x {height}: make it larger, or leave out camera.sensor.bayer"
-        )
-
-
-def _opencv() -> Any:
-    """Import OpenCV."""
+def require_demosaic() -> Any:
+    """Import OpenCV, or raise an InputError, before a render, if the extra is not installed or does not run."""
     try:
         import cv2
     except ImportError as error:
         raise InputError(_MISSING) from error
     return cv2
+
+
+def require_mosaic_size(height: int, width: int) -> None:
+    """Raise an InputError if a mosaic of height x width pixels is too small to be demosaiced: less than 3 a side."""
+    if min(height, width) < _SMALLEST_MOSAIC:
+        raise InputError(
+            f"a Bayer mosaic needs a picture of at least {_SMALLEST_MOSAIC} x {_SMALLEST_MOSAIC} pixels, "
+            f"got {width} x {height}: make it larger, or leave out camera.sensor.bayer"
+        )
 
 
 # ---- Random numbers
@@ -180,22 +161,15 @@ def poisson_quantile(uniform: FloatArray, mean: FloatArray) -> FloatArray:
     return np.maximum(result, 0.0)
 
 
-# ---- Recording
-
-
 def simulate_readout(
     values: FloatArray, sensor: SensorSpec, speed: float | None, seed: int, frame: CropWindow
 ) -> SensorReadout:
     """Simulate the readout of a sensor that recorded `values` (height, width, 3), which are a part of `frame`.
 
-    Parameters
-    ----------
     speed : ISO speed at which `values` of 1 saturate the sensor; None if not known.
     seed : of the noise, if the sensor has none of its own.
 
-    Raises
-    ------
-    InputError : a Bayer mosaic of fewer than 3 pixels a side, or without the library that makes a picture of it.
+    Raises InputError: a Bayer mosaic of fewer than 3 pixels a side, or without the library that makes a picture of it.
     """
     height, width, _ = values.shape
     sensor_response = make_response(sensor, speed)
@@ -238,7 +212,7 @@ def _demosaic(numbers: FloatArray, bayer: str, white: int, frame: CropWindow) ->
 
     References: https://docs.opencv.org/4.x/d8/d01/group__imgproc__color__conversions.html, "Edge-Aware Demosaicing".
     """
-    cv2 = _opencv()
+    cv2 = require_demosaic()
     require_mosaic_size(*numbers.shape)
     # All 16 bits are used, so that a mean of integers is rounded less than they are.
     steps = _LARGEST_NUMBER // white

@@ -44,12 +44,7 @@ class _WhiteBalanceCheck(Check):
     _gains = Triple(Quantity(low=0.0, low_open=True), "gains")
 
     def __call__(self, value: Any) -> float | Vector | str:
-        """Check a value.
-
-        Raises
-        ------
-        ValueError: it is none of the three.
-        """
+        """Check a value; a ValueError says that it is none of the three."""
         if value == AUTO:
             return AUTO
         if isinstance(value, list | tuple):

@@ -24,9 +24,7 @@ def crop_window(size: tuple[int, int], crop: tuple[int, int, int, int] | None, w
 
     whole : what the picture is called in messages.
 
-    Raises
-    ------
-    InputError : the crop is empty, or not within the picture.
+    Raises InputError: the crop is empty, or not within the picture.
     """
     width, height = size
     if crop is None:

@@ -15,22 +15,20 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from raytracer.film.light_field.field import LightField, Rays
     from raytracer.film.light_field.focusing import refocusable
+    from raytracer.film.light_field.layout import extract_light_field as of
     from raytracer.film.light_field.lf import Writer, open, write  # noqa: A004
     from raytracer.film.light_field.views import Plane, Pose, Views
     from raytracer.lightfield.capturing.capture import Captured, capture
     from raytracer.lightfield.decoding.calibration import find_grid
     from raytracer.lightfield.decoding.decoder import Decoded, decode
-    from raytracer.lightfield.decoding.microlens_grid import Grid, read_grid
-    from raytracer.lightfield.decoding.optics import Optics
+    from raytracer.lightfield.decoding.microlens_grid import Grid, Optics, read_grid
     from raytracer.lightfield.depth.depth_map import Depth, depth_map
     from raytracer.lightfield.epipolar import epipolar_slice
     from raytracer.lightfield.formats.exporter import export_array, export_views
     from raytracer.lightfield.formats.importer import import_views
-    from raytracer.lightfield.from_image import of
-    from raytracer.lightfield.refocusing.all_in_focus import all_in_focus
     from raytracer.lightfield.refocusing.fourier import FourierRefocuser
     from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
-    from raytracer.lightfield.super_resolution import supersampled
+    from raytracer.lightfield.super_resolution import all_in_focus, supersampled
     from raytracer.lightfield.synthetic_aperture import cell_weights
     from raytracer.lightfield.viewer.page import page, write_page
     from raytracer.lightfield.views.camera_paths import look_around, path_places
@@ -45,17 +43,14 @@ _MODULES = {
     "raytracer.lightfield.capturing.capture": ("Captured", "capture"),
     "raytracer.lightfield.decoding.calibration": ("find_grid",),
     "raytracer.lightfield.decoding.decoder": ("Decoded", "decode"),
-    "raytracer.lightfield.decoding.microlens_grid": ("Grid", "read_grid"),
-    "raytracer.lightfield.decoding.optics": ("Optics",),
+    "raytracer.lightfield.decoding.microlens_grid": ("Grid", "Optics", "read_grid"),
     "raytracer.lightfield.depth.depth_map": ("Depth", "depth_map"),
     "raytracer.lightfield.epipolar": ("epipolar_slice",),
     "raytracer.lightfield.formats.exporter": ("export_array", "export_views"),
     "raytracer.lightfield.formats.importer": ("import_views",),
-    "raytracer.lightfield.from_image": ("of",),
-    "raytracer.lightfield.refocusing.all_in_focus": ("all_in_focus",),
     "raytracer.lightfield.refocusing.fourier": ("FourierRefocuser",),
     "raytracer.lightfield.refocusing.refocus": ("focal_stack", "refocus"),
-    "raytracer.lightfield.super_resolution": ("supersampled",),
+    "raytracer.lightfield.super_resolution": ("all_in_focus", "supersampled"),
     "raytracer.lightfield.synthetic_aperture": ("cell_weights",),
     "raytracer.lightfield.viewer.page": ("page", "write_page"),
     "raytracer.lightfield.views.camera_paths": ("look_around", "path_places"),
@@ -64,7 +59,8 @@ _MODULES = {
 }
 """Public names by module.  No module of this package is called as a public name: imported, it would hide that."""
 
-_HOMES = {name: module for module, names in _MODULES.items() for name in names}
+_HOMES = {name: (module, name) for module, names in _MODULES.items() for name in names}
+_HOMES["of"] = ("raytracer.film.light_field.layout", "extract_light_field")
 
 __all__ = [
     "Captured",
@@ -110,7 +106,8 @@ def __getattr__(name: str) -> Any:
     """Import a public name when it is first used."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(_HOMES[name]), name)
+    module, own_name = _HOMES[name]
+    value = getattr(importlib.import_module(module), own_name)
     globals()[name] = value
     return value
 

@@ -33,12 +33,7 @@ def lit_views(field: LightField) -> Mask:
 
 
 def require_lit(field: LightField, row: int, column: int) -> None:
-    """Check that a view got any light.
-
-    Raises
-    ------
-    InputError : it got none.
-    """
+    """Raise an InputError if no light came to a view."""
     lit = field.lit(row, column)
     if cell_weights(field.views)[row, column] == 0.0 or (lit is not None and not lit.any()):
         raise InputError(f"no light came to view {row},{column}: it lies outside the lens")

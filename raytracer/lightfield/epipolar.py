@@ -5,7 +5,6 @@ A point of the scene is a straight line there, which leans more the nearer the p
 References: Bolles, Baker, Marimont 1987, "Epipolar-Plane Image Analysis"; Levoy & Hanrahan 1996, sec. 2.
 """
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -34,8 +33,6 @@ _TICKS = 5
 class EpipolarSlice:
     """Epipolar-plane image.
 
-    Attributes
-    ----------
     radiance : float64 (views, pixels, 3); of a vertical one pixels go down the views.
     places : of the views (m): right of the middle if it is horizontal, up if it is vertical.
     tangents : places of the pixels in the image at a distance of 1: right, or up.
@@ -86,9 +83,7 @@ def epipolar_slice(
 
     radiance = np.empty((counts[1], size, 3))
     for index in range(counts[1]):
-        place = (number, index) if is_row else (index, number)
-        part = field.radiance[(*place, at)] if is_row else field.radiance[(*place, slice(None), at)]
-        radiance[index] = part
+        radiance[index] = field.radiance[number, index, at] if is_row else field.radiance[index, number, :, at]
     places = geometry.position[number, :, 0] if is_row else geometry.position[:, number, 1]
     step = geometry.plane.pixel
     middles = (np.arange(size) + 0.5) * step
@@ -102,19 +97,13 @@ def _shear(radiance: NDArray[np.float64], places: NDArray[np.float64], moved: fl
     """Shift the line of each view by `moved` pixels a metre of its place."""
     from raytracer.lightfield.splines import Spline
 
-    return np.stack(
-        [
-            Spline(line[None]).shifted(float(place) * moved, 0.0)[0][0]
-            for line, place in zip(radiance, places, strict=True)
-        ]
-    )
+    both = zip(radiance, places, strict=True)
+    return np.stack([Spline(line[None]).shifted(float(place) * moved, 0.0)[0][0] for line, place in both])
 
 
 def draw_slice(epi: EpipolarSlice, *, unit: str = "mm", scale: float = 1e3) -> NDArray[np.uint8]:
     """Draw a slice with labelled axes, uint8 (height, width, 3) in sRGB; each view is twelve pixels thick.
 
-    Parameters
-    ----------
     unit, scale : of the views' places: the name of the unit, and its number in one of `places`.
     """
     import PIL.Image
@@ -143,15 +132,6 @@ def draw_slice(epi: EpipolarSlice, *, unit: str = "mm", scale: float = 1e3) -> N
     axis = "s (tangent to the right)" if epi.direction == "horizontal" else "t (tangent up)"
     _write(draw, (_LEFT + width / 2, _TOP + height + _BOTTOM - 6), axis, "mm")
     return np.asarray(whole)
-
-
-def slope_distance(field: LightField, slope: float) -> float:
-    """Convert a slope (pixels for each metre that a view is farther to the right) to a distance (m); inf at most.
-
-    From x - u (w - w0): -slope is (w - w0) over a pixel's edge.
-    """
-    inverse = field.views.inverse_focus - slope * field.views.plane.pixel
-    return 1.0 / inverse if inverse > 0.0 else math.inf
 
 
 def _write(draw: "PIL.ImageDraw.ImageDraw", place: tuple[float, float], text: str, anchor: str) -> None:

@@ -22,16 +22,13 @@ def rays_to_views(field: LightField) -> tuple[LightField, str]:
     Each ray counts for the view through whose part of the lens it went, and there for the pixel that it met: the middle
     of that part is taken for its place.  Pixels without rays are filled from those around them.
 
-    Raises
-    ------
-    ValueError : the light field has no rays.
+    Raises ValueError: the light field has no rays.
     """
     rays, views = field.rays, field.views
     if rays is None or len(rays.weight) == 0:
         raise ValueError("the light field has no rays")
     count = len(rays.weight)
-    side = math.isqrt(int(count / (_RAYS_PER_PIXEL * views.width * views.height)))
-    side = min(_MOST, max(_FEWEST, side))
+    side = min(_MOST, max(_FEWEST, math.isqrt(int(count / (_RAYS_PER_PIXEL * views.width * views.height)))))
     across = views.aperture or 2.0 * float(np.abs(np.asarray(rays.place[:, :2])).max())
     if across == 0.0:
         return replace(field, rays=None), "All of its rays go through one point: there is nothing to focus."

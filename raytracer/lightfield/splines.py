@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 class Spline:
     """Spline through the pixels of a picture; beyond its edges the picture is mirrored, and marked as not seen.
 
-    Parameters
-    ----------
     picture : (height, width) or (height, width, channels).
     """
 
@@ -31,9 +29,7 @@ class Spline:
     def shifted(self, right: float, down: float) -> tuple[NDArray[np.float64], tuple[slice, slice]]:
         """Shift the picture: that at (y + down, x + right) comes to (y, x).
 
-        Returns
-        -------
-        The shifted picture, of the same shape, and the slices of its rows and columns that are seen (empty for none).
+        Returns it, of the same shape, and the slices of its rows and columns that are seen (empty for none).
         """
         height, width = self.shape
         moved = _along(_along(self._planes, right, 2), down, 1)
@@ -46,9 +42,7 @@ class Spline:
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Sample the picture at places (pixels from the middle of the first one).
 
-        Returns
-        -------
-        Values of the places' shape, with a last axis of channels where the picture has one; True within the picture.
+        Returns values of the places' shape, with a last axis of channels if the picture has one; True within it.
         """
         from scipy import ndimage
 

@@ -18,8 +18,6 @@ References: Irani, Peleg 1991, "Improving Resolution by Image Registration"; Ela
     and Assessment of Statistical Predictions".
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -91,11 +89,11 @@ def supersampled(
     indices = np.argwhere(within_lens(views)).tolist()
     for row, column in report_progress(indices, update):
         offset = views.position[row, column] - views.position[depth.row, depth.column]
-        samples = _read_samples(field, row, column)
-        places = _to_depth_view(depth, views, offset, samples.rows, samples.columns)
+        values, rows, columns, is_lit = _read_samples(field, row, column)
+        places = _to_depth_view(depth, views, offset, rows, columns)
         # Neighbours are in different halves; the middle view is in that which is solved for.
         half = halves[(row + column - depth.row - depth.column) % 2]
-        half.add(samples.values, *places, samples.is_lit & bounds.contain(samples.values, *places))
+        half.add(values, *places, is_lit & bounds.contain(values, *places))
     start = upsample_cubic(middle, factor)
     prior = _best_prior(halves[0], halves[1], start)
     both = halves[0].combined(halves[1])
@@ -106,31 +104,22 @@ def supersampled(
     return picture
 
 
-class _ViewSamples(NamedTuple):
-    """Samples of a view.
+def _read_samples(
+    field: LightField, row: int, column: int
+) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Read the samples of a view: those of its microlenses where they are known, or else its pixels.
 
-    values : (n, 3).
-    rows, columns : places in the view (pixels), (n,).
-    is_lit : (n,).
+    Values (n, 3), rows and columns of their places in the view (px, n), and which are lit (n).
     """
-
-    values: FloatArray
-    rows: FloatArray
-    columns: FloatArray
-    is_lit: NDArray[np.bool_]
-
-
-def _read_samples(field: LightField, row: int, column: int) -> _ViewSamples:
-    """Read the samples of a view: those of its microlenses where they are known, or else its pixels."""
     if field.samples is not None:
         values = np.asarray(field.samples.value[row, column], dtype=np.float64)
         columns, rows = field.samples.place.T
         is_lit = np.asarray(np.isfinite(values).all(axis=-1))
-        return _ViewSamples(np.where(is_lit[:, None], values, 0.0), rows, columns, is_lit)
+        return np.where(is_lit[:, None], values, 0.0), rows, columns, is_lit
     view, lit = field.view(row, column), field.lit(row, column)
     rows, columns = (grid.astype(np.float64).ravel() for grid in np.indices(view.shape[:2]))
     is_lit = np.ones(rows.shape, dtype=bool) if lit is None else lit.ravel()
-    return _ViewSamples(view.reshape(-1, 3), rows, columns, is_lit)
+    return view.reshape(-1, 3), rows, columns, is_lit
 
 
 def upsample_cubic(view: FloatArray, factor: int) -> FloatArray:
@@ -156,8 +145,6 @@ def _to_depth_view(
 class _ValueBounds:
     """Bounds of the values that a pixel's own point may have: the range of the pixels around it, and noise.
 
-    Parameters
-    ----------
     middle : the reference view, linear (height, width, 3).
     lit : mask of its lit pixels, bool (height, width); None for all.  Others have no bounds.
     """
@@ -173,10 +160,9 @@ class _ValueBounds:
 
     def contain(self, values: FloatArray, rows: FloatArray, columns: FloatArray) -> NDArray[np.bool_]:
         """Test linear values (n, 3) against the bounds of the pixels at places (n,), in all channels: bool (n,)."""
-        row, column = (
-            np.clip(np.rint(places), 0, size - 1).astype(np.int64)
-            for places, size in zip((rows, columns), self._low.shape[:2], strict=True)
-        )
+        height, width = self._low.shape[:2]
+        row = np.clip(np.rint(rows), 0, height - 1).astype(np.int64)
+        column = np.clip(np.rint(columns), 0, width - 1).astype(np.int64)
         low, high = self._low[row, column], self._high[row, column]
         shown = sqrt_tone(values)
         is_within = ((shown >= low) & (shown <= high)).all(axis=-1)
@@ -273,8 +259,6 @@ class _NormalEquations:
     def solve(self, start: FloatArray, prior: float) -> FloatArray:
         """Solve for the picture (height, width, channels) that explains the pixels best, of the first channels.
 
-        Parameters
-        ----------
         start : picture that is kept where no view has samples.
         prior : weight of its pixels beside that of a sample.
         """
@@ -328,3 +312,28 @@ class _NormalEquations:
                 total[:-step] += products[:-step] * flat[step:]
                 total[step:] += products[:-step] * flat[:-step]
         return total.reshape(self._shape)
+
+
+_FACTOR = 2
+"""Pixels along the side of one, by which detail finer than a pixel is told from its aliases in each view."""
+
+
+def all_in_focus(
+    field: LightField, depth: Depth | None = None, *, threads: int | None = None, update: Update | None = None
+) -> FloatArray:
+    """Render the scene as one view sees it, sharp at all distances, float64 (height, width, 3).
+
+    The picture of `supersampled` with two pixels a side, averaged to one: the mean over a pixel's square of what all
+    views know of it.  Their plain mean would be blurred by interpolating each between its own pixels.  So it is sharp
+    as through a pinhole, with the light, and the lower noise, of the whole aperture (Isaksen, McMillan, Gortler 2000,
+    sec. 3, a focal surface in place of a plane); views in which something hides a point are left out.
+
+    The parameters are those of `supersampled`.
+
+    Raises
+    ------
+    InputError : as `depth_map`.
+    """
+    fine = supersampled(field, _FACTOR, depth, threads=threads, update=update)
+    height, width = field.views.height, field.views.width
+    return np.asarray(fine.reshape(height, _FACTOR, width, _FACTOR, 3).mean(axis=(1, 3)))

@@ -1,14 +1,15 @@
-"""Synthetic aperture: the opening of the lens, chosen after the shot, as weights of the views."""
+"""Synthetic aperture: the opening of the lens, chosen after the shot by options, as weights of the views."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.focusing import view_spacing
+from raytracer.film.light_field.focusing import aperture_diameter, view_spacing
 from raytracer.film.light_field.views import Views
 from raytracer.optics.lens_system.surfaces import aperture_transmission
+from raytracer.plugins.apertures.base.interface import ApertureSpec
 from raytracer.util.errors import InputError
 
 # Points along the edge of a cell, by which the part that an opening covers is measured: the area of a disc of 15 cells
@@ -27,8 +28,6 @@ def opening_transmission(
 ) -> NDArray[np.float64]:
     """Compute the transmission of an opening at places in the plane of the views (m), 0 to 1.
 
-    Parameters
-    ----------
     diameter : of the disc of the same area (m).
     shape : a packed aperture; None for a disc.
     """
@@ -86,3 +85,68 @@ def cell_weights(
         away = math.dist(center, (0.0, 0.0))
         raise InputError(f"no view lies within an opening of {1e3 * diameter:.4g} mm, {1e3 * away:.4g} mm off the axis")
     return np.asarray(weights)
+
+
+class RefocusAperture(NamedTuple):
+    """Aperture through which a photograph is taken.
+
+    diameter : of the disc of the same area (m); None for all that the views look through.
+    shape : packed; None for a disc.
+    center : right and up (m).
+    """
+
+    diameter: float | None
+    shape: Any
+    center: tuple[float, float]
+
+
+def make_aperture(
+    views: Views,
+    f_number: float | None,
+    aperture: float | None,
+    shape: ApertureSpec | str | None,
+    center: tuple[float, float],
+) -> RefocusAperture:
+    """Make the aperture that options describe; an InputError says that they contradict each other, or lack a size."""
+    if f_number is not None and aperture is not None:
+        raise InputError("f_number and aperture both set the size of the opening: give one of them")
+    if f_number is not None:
+        try:
+            aperture = aperture_diameter(views, f_number)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+    if aperture is not None and not 0.0 < aperture < math.inf:
+        raise InputError(f"an aperture must be greater than 0 and finite, got {aperture:g} m")
+    if aperture is None and (shape is not None or center != (0.0, 0.0)):
+        aperture = views.aperture
+        if aperture is None:
+            raise InputError("an aperture's shape or place needs its size: give aperture")
+    if shape is None:
+        return RefocusAperture(aperture, None, center)
+    from raytracer.scene.assets.images import read_image
+
+    spec = parse_aperture(shape) if isinstance(shape, str) else shape
+    # The assets of apertures are pictures.
+    try:
+        packed = spec.pack({key: read_image(getattr(spec, key)) for key in spec.loads})
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    return RefocusAperture(aperture, packed, center)
+
+
+def parse_aperture(text: str) -> ApertureSpec:
+    """Parse an aperture as scenes write it: type or a mapping `{type: polygon, blades: 7}`, or raise an InputError."""
+    from pydantic import TypeAdapter, ValidationError
+
+    from raytracer.schema.registry import APERTURES
+    from raytracer.schema.yaml_parser import parse
+
+    root = parse(text, "", option=f"aperture_shape {text}")
+    try:
+        aperture = TypeAdapter(APERTURES.union_or_name()).validate_python(None if root is None else root.plain())
+    except ValidationError as error:
+        reason = str(error.errors()[0]["msg"]).removeprefix("Value error, ")
+        wanted = reason or "must be a type of aperture, or a mapping such as {type: polygon, blades: 6}"
+        raise InputError(f"aperture_shape {text}: {wanted}") from None
+    assert isinstance(aperture, ApertureSpec)
+    return aperture

@@ -14,10 +14,9 @@ from raytracer.film.light_field.field import LIT_LAYER, LightField
 from raytracer.lightfield.coverage import lit_views, within_lens
 from raytracer.lightfield.decoding.decoder import Decoded, decode
 from raytracer.lightfield.depth.depth_map import Depth, depth_map
-from raytracer.lightfield.refocusing.all_in_focus import all_in_focus
 from raytracer.lightfield.refocusing.fourier import FourierRefocuser
 from raytracer.lightfield.refocusing.refocus import refocus
-from raytracer.lightfield.super_resolution import supersampled, upsample_cubic
+from raytracer.lightfield.super_resolution import all_in_focus, supersampled, upsample_cubic
 from raytracer.lightfield.views.synthesis import view_at
 from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, views, waves

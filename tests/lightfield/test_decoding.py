@@ -10,8 +10,7 @@ from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.resampling import Resampler
 from raytracer.lightfield.decoding.calibration import find_grid
 from raytracer.lightfield.decoding.decoder import decode
-from raytracer.lightfield.decoding.microlens_grid import grid_from_dict
-from raytracer.lightfield.decoding.optics import Optics
+from raytracer.lightfield.decoding.microlens_grid import Optics, grid_from_dict
 from raytracer.util.errors import InputError
 from tests.lightfield.lenslet_pictures import Camera, lattice, spoiled, texture
 

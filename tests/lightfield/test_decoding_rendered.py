@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter
 
 import raytracer as rt
 from raytracer.lightfield.decoding.decoder import decode
-from raytracer.lightfield.decoding.optics import Optics
+from raytracer.lightfield.decoding.microlens_grid import Optics
 from raytracer.lightfield.super_resolution import upsample_cubic
 from tests.lightfield.lenslet_pictures import dusty, texture
 

@@ -7,8 +7,7 @@ import pytest
 
 from raytracer.film.light_field.field import LightField
 from raytracer.lightfield.depth.depth_map import METHODS, Depth, depth_map
-from raytracer.lightfield.refocusing.all_in_focus import all_in_focus
-from raytracer.lightfield.super_resolution import supersampled, upsample_cubic
+from raytracer.lightfield.super_resolution import all_in_focus, supersampled, upsample_cubic
 from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, seen, views, waves
 

@@ -9,10 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.film.image import Image
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import LightField, rays_from_layer
 from raytracer.film.light_field.focusing import refocusable
-from raytracer.film.light_field.rays_layer import rays_from_layer
-from raytracer.lightfield.from_image import of
+from raytracer.film.light_field.layout import extract_light_field as of
 from raytracer.lightfield.refocusing.fourier import FourierRefocuser
 from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
 from raytracer.lightfield.synthetic_aperture import cell_weights

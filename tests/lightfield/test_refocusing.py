@@ -10,8 +10,8 @@ from raytracer.film.light_field.field import LightField, Rays
 from raytracer.film.light_field.focusing import alpha_to_inverse_distance, refocusable, slope_to_inverse_distance
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.refocusing.fourier import FourierRefocuser
-from raytracer.lightfield.refocusing.pixel_interpolation import INTERPOLATIONS, interpolation_taps, make_shift
 from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
+from raytracer.lightfield.refocusing.shift_and_sum import INTERPOLATIONS, interpolation_taps, make_shift
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.plugins.apertures.polygon import PolygonAperture
 from raytracer.util.errors import InputError
@@ -148,7 +148,7 @@ def test_polynomials_are_moved_exactly(interpolation: str, degree: int) -> None:
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
 def test_whole_pixels_are_moved_as_they_are(interpolation: str) -> None:
     # And so nearly that they hardly move.
-    assert interpolation_taps(interpolation, 0.0).weights.tolist() == [1.0]  # type: ignore[arg-type]
+    assert interpolation_taps(interpolation, 0.0)[0].tolist() == [1.0]  # type: ignore[arg-type]
     weights, first = interpolation_taps(interpolation, 1e-9)  # type: ignore[arg-type]
     np.testing.assert_allclose(weights, np.arange(first, first + len(weights)) == 0, atol=1e-8)
 

@@ -7,7 +7,7 @@ import pytest
 
 from raytracer.film.light_field.field import LightField
 from raytracer.lightfield.depth.depth_map import Depth
-from raytracer.lightfield.epipolar import draw_slice, epipolar_slice, slope_distance
+from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
 from raytracer.lightfield.splines import Spline
 from raytracer.lightfield.views.camera_paths import PATHS, look_around, path_places
 from raytracer.lightfield.views.contact_sheet import montage
@@ -106,7 +106,8 @@ def test_slices_stand_upright_at_their_distance(field: LightField, direction: st
 
 def test_a_slope_is_a_distance() -> None:
     right, _ = GEOMETRY.shift(1.0 / 3.0)[2, 4]
-    assert slope_distance(LightField(np.zeros((5, 5, 60, 72, 3)), GEOMETRY), right / 0.06) == pytest.approx(3.0)
+    # From x - u (w - w0): -slope is (w - w0) over a pixel's edge.
+    assert GEOMETRY.inverse_focus - right / 0.06 * GEOMETRY.plane.pixel == pytest.approx(1.0 / 3.0)
 
 
 @pytest.mark.parametrize("path", PATHS)

@@ -35,8 +35,6 @@ _PARTS = 64
 # Upper bound of the roundings of a coordinate from the scene to the film.
 _ROUNDINGS = 64
 
-_GIGABYTE = 1e9
-
 
 class Circle(NamedTuple):
     """Largest blur that counts as sharp, the circle of confusion.
@@ -49,12 +47,7 @@ class Circle(NamedTuple):
 
 
 def parse_circle(text: str) -> Circle:
-    """Parse a circle of confusion as `--circle` takes it: `0.03 mm`, `2 px`.
-
-    Raises
-    ------
-    InputError : it is neither, or not greater than 0.
-    """
+    """Parse a circle of confusion as `--circle` takes it, `0.03 mm` or `2 px`; raise an InputError if it is none."""
     pixels = text.strip().removesuffix("px")
     in_pixels = pixels != text.strip()
     try:
@@ -225,18 +218,12 @@ def multi_view_size(spec: SceneSpec) -> dict[str, float]:
         "view_height_px": float(spec.film.height),
         "picture_width_px": float(width),
         "picture_height_px": float(height),
-        "film_gigabytes": pixel * width * height / _GIGABYTE,
+        "film_gigabytes": pixel * width * height / 1e9,
     }
 
 
 def exposure(spec: SceneSpec) -> dict[str, float]:
     """Return the shutter's numbers, and the speed."""
-    timing, numbers = spec.camera.timing(), {}
-    if timing.seconds() > 0.0:
-        numbers["shutter_s"] = timing.seconds()
-    if timing.readout > 0.0:
-        numbers["readout_s"] = timing.readout
-    speed = spec.camera.iso_speed()
-    if speed is not None:
-        numbers["iso"] = speed
-    return numbers
+    timing = spec.camera.timing()
+    numbers = {"shutter_s": timing.seconds(), "readout_s": timing.readout, "iso": spec.camera.iso_speed()}
+    return {name: number for name, number in numbers.items() if number}

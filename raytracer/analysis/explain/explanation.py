@@ -86,12 +86,6 @@ def _finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
     return {name: "inf" if value == math.inf else value for name, value in numbers.items()}
 
 
-def _thin_lens(spec: SceneSpec) -> dict[str, Any] | None:
-    """Return the thin lens in place of a lens of glass, as keys of a scene file."""
-    keys = spec.camera.thin_lens_equivalent(spec.film.width, spec.film.height)
-    return None if keys is None else {key: value_to_plain(value) for key, value in keys.items()}
-
-
 def explain(
     scene: SceneSpec | str | os.PathLike[str], *, circle: Circle | None = None, every_key: bool = False
 ) -> Explanation:
@@ -116,14 +110,12 @@ def explain(
     view = CameraView(spec, packed.scene.camera, packed.shift)
     where = ObjectBounds(spec, assets)
     numbers = view.numbers | depth_of_field(view, circle) | multi_view_size(spec) | exposure(spec)
-    objects = {object_name(spec, number): view.object_numbers(where, number) for number in _explained(spec, where)}
+    explained = [number for number, item in enumerate(spec.objects) if item.name is not None or where.moves(number)]
+    objects = {object_name(spec, number): view.object_numbers(where, number) for number in explained}
     photographic = PHOTOGRAPHIC_WARNINGS.find(Photograph(view, numbers))
     warnings = [*warning_messages(find_warnings(packed)), *(record.text for record in photographic)]
     effects = effects_of(spec, packed.scene)
     trade_off = spec.camera.trade_off(spec.film.width, spec.film.height)
-    return Explanation(effects, spec.camera.type, numbers, objects, warnings, _thin_lens(spec), trade_off, keys)
-
-
-def _explained(spec: SceneSpec, where: ObjectBounds) -> list[int]:
-    """List the objects that have a name, or move."""
-    return [number for number, item in enumerate(spec.objects) if item.name is not None or where.moves(number)]
+    ideal = spec.camera.thin_lens_equivalent(spec.film.width, spec.film.height)
+    thin_lens = None if ideal is None else {key: value_to_plain(value) for key, value in ideal.items()}
+    return Explanation(effects, spec.camera.type, numbers, objects, warnings, thin_lens, trade_off, keys)

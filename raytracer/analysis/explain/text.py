@@ -143,40 +143,31 @@ def effects_text(effects: Mapping[str, Effect]) -> str:
         missing[family] = f"none of {', '.join(name.partition('.')[2] for name in names)}"
     width = max(map(len, (*active, *missing)))
     return "\n".join(
-        f"{heading}\n" + "".join(_effect_line(name, why, width) for name, why in reasons.items())
+        f"{heading}\n" + "".join(_wrap(why, f"  {name:<{width}}  ", width + 4) for name, why in reasons.items())
         for heading, reasons in (("Simulated", active), ("Left out", missing))
     )
 
 
-def _effect_line(name: str, why: str, width: int) -> str:
-    """Write the line of an effect, wrapped if need be."""
-    first, after = f"  {name:<{width}}  ", " " * (width + 4)
-    return textwrap.fill(why, _COLUMNS_OF_TEXT, initial_indent=first, subsequent_indent=after) + "\n"
+def _wrap(sentence: str, first: str, indent: int) -> str:
+    """Write a sentence as lines, of which the first begins with `first`."""
+    return textwrap.fill(sentence, _COLUMNS_OF_TEXT, initial_indent=first, subsequent_indent=" " * indent) + "\n"
 
 
 def warnings_text(warnings: Sequence[str]) -> str:
     """Write the warnings, a sentence each."""
-    if not warnings:
-        return ""
-    return "Warnings\n" + "".join(
-        textwrap.fill(sentence, _COLUMNS_OF_TEXT, initial_indent="  ", subsequent_indent="    ") + "\n"
-        for sentence in warnings
-    )
+    return "Warnings\n" + "".join(_wrap(sentence, "  ", 4) for sentence in warnings) if warnings else ""
 
 
 def keys_text(keys: Sequence[SceneKey]) -> str:
     """Write the keys of a scene, each with its value, and below it what it means."""
     if not keys:
         return ""
-    lines = ["Keys of the scene, as -D takes them"]
+    text = "Keys of the scene, as -D takes them\n"
     for key in keys:
         value = "" if key.value is None else f" = {to_flow_yaml(key.value)}"
         note = "" if key.is_given else "  (default)" if value else "  (not given)"
-        lines.append(f"  {key.path}{value}{note}")
-        if key.meaning:
-            indent = " " * 6
-            lines.append(textwrap.fill(key.meaning, _COLUMNS_OF_TEXT, initial_indent=indent, subsequent_indent=indent))
-    return "\n".join(lines) + "\n"
+        text += f"  {key.path}{value}{note}\n" + (_wrap(key.meaning, " " * 6, 6) if key.meaning else "")
+    return text
 
 
 def to_flow_yaml(value: Any) -> str:
@@ -207,17 +198,14 @@ def camera_text(kind: str, camera: Mapping[str, float]) -> str:
         for heading, lines in {**groups, "Further numbers": rest}.items()
     }
     width = max((len(line.words) for lines in shown_lines.values() for line in lines), default=0)
-    shown_groups = [
-        "".join(
-            [
-                f"  {heading}\n",
-                *(f"    {line.words:<{width}}  {_format_with_alternative(camera, line)}\n" for line in lines),
-            ]
-        )
-        for heading, lines in shown_lines.items()
-        if lines
-    ]
-    return f"Camera: {kind}\n" + "".join(shown_groups)
+    text = f"Camera: {kind}\n"
+    for heading, lines in shown_lines.items():
+        text += f"  {heading}\n" if lines else ""
+        for line in lines:
+            both = [line, line.alternative] if line.alternative and line.alternative.key in camera else [line]
+            numbers = ", ".join(_format_quantity(camera[each.key], each) for each in both)
+            text += f"    {line.words:<{width}}  {numbers}\n"
+    return text
 
 
 _TRADE_OFF = (
@@ -254,34 +242,21 @@ def thin_lens_text(keys: Mapping[str, Any] | None) -> str:
     return "Thin lens in its place\n" + textwrap.indent(f"camera:\n{textwrap.indent(text, '  ')}", "  ")
 
 
-def _format_with_alternative(camera: Mapping[str, float], line: _Quantity) -> str:
-    """Format a quantity's number, and the same in its other unit."""
-    lines = [line, line.alternative] if line.alternative is not None and line.alternative.key in camera else [line]
-    return ", ".join(_format_quantity(camera[each.key], each) for each in lines)
-
-
 def objects_text(objects: Mapping[str, Mapping[str, float]]) -> str:
     """Write a table of objects, one a row, with the columns that any object has."""
     if not objects:
         return ""
-    rows, left_out = _list_rows(objects)
+    # Those with names, and those without that go farthest.
+    unnamed = [name for name in objects if name.startswith("objects[")]
+    left_out = sorted(unnamed, key=lambda name: -objects[name].get("streak_px", 0.0))[_MOST_LISTED:]
+    rows = {name: numbers for name, numbers in objects.items() if name not in set(left_out)}
     columns = [column for column in _COLUMNS if any(column.key in numbers for numbers in rows.values())]
     cells = [["object", *(f"{column.words} ({column.unit})" for column in columns)]]
-    cells += [[name, *(_cell(numbers, column) for column in columns)] for name, numbers in rows.items()]
+    for name, numbers in rows.items():
+        cells.append([name, *(compact_number(numbers[c.key]) if c.key in numbers else "-" for c in columns)])
     lines = [f"  {row}".rstrip() for row in align_columns(cells)]
     if left_out:
-        lines.append(f"  and {left_out} more that move, which --json lists")
+        lines.append(f"  and {len(left_out)} more that move, which --json lists")
     blurred = any(column.key == "circle_of_confusion_px" for column in columns)
     meaning = "; their blur is the circle of confusion" if blurred else ""
     return f"Objects in the middle of the exposure{meaning}\n" + "\n".join(lines) + "\n"
-
-
-def _list_rows(objects: Mapping[str, Mapping[str, float]]) -> tuple[dict[str, Mapping[str, float]], int]:
-    """Select the objects with names, and those without that go farthest; count those that are left out."""
-    unnamed = [name for name in objects if name.startswith("objects[")]
-    farthest = sorted(unnamed, key=lambda name: -objects[name].get("streak_px", 0.0))[_MOST_LISTED:]
-    return {name: numbers for name, numbers in objects.items() if name not in set(farthest)}, len(farthest)
-
-
-def _cell(numbers: Mapping[str, float], column: _Quantity) -> str:
-    return compact_number(numbers[column.key]) if column.key in numbers else "-"

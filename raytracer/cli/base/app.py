@@ -1,7 +1,7 @@
 """The application `rt`: finds the commands, and turns every failure into one sentence and an exit status.
 
-A command is a module of this package with `register(app)`, which adds it to the Typer app.  It imports what it needs
-when it runs, so that `rt --help` answers at once.
+A command is a module of this package with a function of its name, and `EXAMPLE` for its help; or a group of commands
+of its name.  It imports what it needs when it runs, so that `rt --help` answers at once.
 """
 
 import contextlib
@@ -14,9 +14,11 @@ import time
 import traceback
 import warnings
 from collections.abc import Sequence
+from types import ModuleType
 from typing import Annotated, Any, TextIO
 
 import typer
+from typer import Option
 from typer.exceptions import TyperException
 
 import raytracer.cli
@@ -43,7 +45,7 @@ def _print_version(wanted: bool) -> None:
 
 def options(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)
+        bool, Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
     """Path tracer for scenes in YAML."""
@@ -64,19 +66,27 @@ def application(command: str | None = None) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
     app.callback()(options)
-    names = [found.name for found in pkgutil.iter_modules(raytracer.cli.__path__) if found.name not in {"base", "main"}]
-    for name in [command] if command in names else names:
-        importlib.import_module(f"raytracer.cli.{name}").register(app)
+    add_commands(app, raytracer.cli, command)
     return app
+
+
+def add_commands(app: typer.Typer, package: ModuleType, command: str | None = None) -> None:
+    """Add all commands of a package to `app`, or one alone; each is the function, or the group, named as its module."""
+    names = [found.name for found in pkgutil.iter_modules(package.__path__) if found.name not in {"base", "main"}]
+    for name in [command] if command in names else names:
+        module = importlib.import_module(f"{package.__name__}.{name}")
+        added, word = getattr(module, name), name.rstrip("_").replace("_", "-")
+        if isinstance(added, typer.Typer):
+            app.add_typer(added, name=word)
+        else:
+            app.command(word, epilog=module.EXAMPLE)(added)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run `rt` with `arguments` (default: those of the process).
 
-    Returns
-    -------
-    Exit status: 0 done, 1 the thing checked for or the machine failed, 2 wrong usage or input; 130 interrupted by
-    Ctrl-C, 143 by SIGTERM.
+    Returns the exit status: 0 done, 1 the thing checked for or the machine failed, 2 wrong usage or input; 130
+    interrupted by Ctrl-C, 143 by SIGTERM.
     """
     if arguments is not None:
         return _run(arguments, time.perf_counter())
@@ -162,7 +172,8 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
     except MemoryError:
         return _fail(FAILED, "out of memory", unexpected=True)
     except OSError as error:
-        return _fail(FAILED, _system_error(error), unexpected=True)
+        place = f"{error.filename}: " if error.filename else ""
+        return _fail(FAILED, f"{place}{error.strerror or error}", unexpected=True)
     except Exception as error:  # noqa: BLE001
         return _fail(
             FAILED, f"internal error, {type(error).__name__}: {error} (RT_TRACEBACK=1 shows where)", unexpected=True
@@ -176,11 +187,6 @@ def _plain(message: str) -> str:
     message = message.rstrip(".").partition(", unable to parse")[0].replace("Input should be", "must be")
     message = message.replace(": Value error, ", ": ")
     return message.replace("a valid integer", "an integer").replace("a valid number", "a number")
-
-
-def _system_error(error: OSError) -> str:
-    reason = error.strerror or str(error)
-    return f"{error.filename}: {reason}" if error.filename else reason
 
 
 def _fail(status: int, sentence: str, *, unexpected: bool = False) -> int:

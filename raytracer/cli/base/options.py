@@ -1,40 +1,55 @@
-"""Options that several commands have, and functions that parse their values."""
+"""Options that several commands have, and functions that parse their values and raise an InputError if they cannot."""
 
 import functools
 import inspect
-from collections.abc import Callable, Collection, Mapping, Sequence
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from inspect import Parameter
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
-import typer
+from typer import Argument, Option
 
 from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.scene.preview import EDGE, SPP
 from raytracer.schema.units import Dimension, parse_quantity
 from raytracer.util.errors import InputError
 
+if TYPE_CHECKING:
+    from raytracer.rendering.cluster.connection import Cluster
+    from raytracer.scene.spec import SceneSpec
+
 Value = TypeVar("Value")
 
+
+def takes(metavar: str, text: str, *names: str, **limits: Any) -> Any:
+    """Declare an option that takes a value, which `metavar` stands for in the help; its name is the parameter's.
+
+    text : its help.
+    names : in place of the parameter's name.
+    """
+    return Option(*names, metavar=metavar, help=text, **limits)
+
+
+def output(metavar: str, text: str) -> Any:
+    """Declare the option `--output` or `-o`; see `takes`."""
+    return takes(metavar, text, "--output", "-o")
+
+
+Scene = Annotated[str, Argument(metavar="SCENE", help="Scene file.")]
 Define = Annotated[
-    list[str] | None,
-    typer.Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene: camera.vfov=40."),
+    list[str] | None, takes("KEY=VALUE", "Override a key of the scene: camera.vfov=40.", "--define", "-D")
 ]
 AllowFiles = Annotated[
     list[str] | None,
-    typer.Option(
-        "--allow-files",
-        metavar="FOLDER",
-        help="Where the scene may name files too, besides its own folder; may repeat.  Also: RT_ALLOW_FILES.",
-        show_default=False,
-    ),
+    takes("FOLDER", "Where the scene may name files too, besides its own folder; may repeat.  Also: RT_ALLOW_FILES."),
 ]
-Preview = Annotated[
-    bool, typer.Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")
-]
-Stats = Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Preview = Annotated[bool, Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")]
+Stats = Annotated[Path | None, takes("FILE.json", "Write what the render took as JSON.")]
+Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress and no summary.")]
+Findings = Annotated[bool, Option("--quiet", "-q", help="No progress; what was found is printed.")]
+AsJson = Annotated[bool, Option("--json", help="Print JSON.")]
 
 
 class Invocation(NamedTuple):
@@ -49,16 +64,7 @@ class Invocation(NamedTuple):
 
 
 def parse_value(option: str, text: str, parse: Callable[[str], Value]) -> Value:
-    """Parse the value of an option.
-
-    Parameters
-    ----------
-    parse : parses the text, and raises a ValueError if it cannot.
-
-    Raises
-    ------
-    InputError : it cannot, and why.
-    """
+    """Parse the value of an option by a function that raises a ValueError if it cannot."""
     try:
         return parse(text)
     except ValueError as error:
@@ -66,24 +72,47 @@ def parse_value(option: str, text: str, parse: Callable[[str], Value]) -> Value:
 
 
 def parse_dimension(option: str, text: str, dimension: Dimension) -> float:
-    """Parse a quantity that an option gives, with its unit.
-
-    Raises
-    ------
-    InputError : it is none, and why.
-    """
+    """Parse a quantity that an option gives, with its unit."""
     return parse_value(option, text, lambda part: parse_quantity(part, dimension))
 
 
 def check_f_number(f_number: float | None) -> None:
-    """Make sure that an f-number, if there is one, is such that a lens can have an aperture of it.
-
-    Raises
-    ------
-    InputError : it is not.
-    """
+    """Make sure that an f-number, if there is one, is such that a lens can have an aperture of it."""
     if f_number is not None and not 0.0 < f_number < 1e6:
         raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
+
+
+@contextmanager
+def name_in_errors(file: str, kind: type[Exception] = InputError) -> Iterator[None]:
+    """Begin what is said of wrong input, by errors of a kind, with the name of the file that it is wrong for."""
+    try:
+        yield
+    except kind as error:
+        raise InputError(f"{file}: {error}") from None
+
+
+def load_scene(file: str, define: list[str] | None, allow_files: list[str] | None) -> "SceneSpec":
+    """Load the scene of a command, with the keys that `-D` overrides."""
+    from raytracer.scene.load import load
+    from raytracer.scene.overrides import parse_overrides
+
+    return load(file, parse_overrides(define or []), allow_files=allow_files or [])
+
+
+@contextmanager
+def connect_cluster(address: str | None, say: Callable[[str], object] | None = None) -> "Iterator[Cluster | None]":
+    """Connect to the cluster of `--cluster` for the time of a `with` block; None stands for this machine.
+
+    say : shows a line about workers that come and go; on stderr by default.
+    """
+    if address is None:
+        yield None
+        return
+    from raytracer.rendering.cluster.connection import Cluster
+
+    show = say or functools.partial(print, file=sys.stderr)
+    with Cluster(address, say=lambda sentence: show(f"rt: {sentence}")) as cluster:
+        yield cluster
 
 
 # ---- Options of a render
@@ -94,16 +123,16 @@ def _flag(name: str) -> str:
     return "--aov" if name == "aovs" else f"--{name.replace('_', '-')}"
 
 
-def _declare(name: str, *default: Any, text: str | None = None) -> Any:
+def declare(name: str, text: str | None = None, *default: Any) -> Any:
     """Declare the option that sets a field of `RenderOptions`; `text` is its help, where a command has its own."""
     option = OPTIONS[name]
     least, most = (option.least, option.most) if option.most else (None, None)
-    return typer.Option(*default, _flag(name), metavar=option.metavar, help=text or option.help, min=least, max=most)
+    return Option(*default, _flag(name), metavar=option.metavar, help=text or option.help, min=least, max=most)
 
 
-Seed = Annotated[int | None, _declare("seed")]
-Threads = Annotated[int | None, _declare("threads")]
-Crop = Annotated[str | None, _declare("crop")]
+Seed = Annotated[int | None, declare("seed")]
+Threads = Annotated[int | None, declare("threads")]
+Crop = Annotated[str | None, declare("crop")]
 
 
 def _parameter(name: str, text: str | None) -> Parameter:
@@ -115,7 +144,7 @@ def _parameter(name: str, text: str | None) -> Parameter:
     else:
         kind = bool if isinstance(getattr(RenderOptions, name), bool) else str | None
     default = False if kind is bool else None
-    return Parameter(name, Parameter.KEYWORD_ONLY, default=_declare(name, default, text=text), annotation=kind)
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=declare(name, text, default), annotation=kind)
 
 
 class GivenOptions(NamedTuple):
@@ -129,14 +158,10 @@ class GivenOptions(NamedTuple):
     def parse(self, suffixes: Collection[str] | None = None, remedy: str = "") -> RenderOptions:
         """Parse them.
 
-        Parameters
-        ----------
         suffixes : of the files that the command writes; None if they hold layers whatever they are.
         remedy : options that make it write a file that holds layers, if none of these does.
 
-        Raises
-        ------
-        InputError : one cannot be parsed, or there is no file for the AOVs.
+        Raises InputError: one cannot be parsed, or there is no file for the AOVs.
         """
         values = {name: word for name, word in self.words.items() if word not in (None, [])}
         for name, word in values.items():
@@ -151,8 +176,6 @@ class GivenOptions(NamedTuple):
 def render_options(*names: str, **texts: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command options of a render, in place of its parameter `given`.
 
-    Parameters
-    ----------
     names : fields of `RenderOptions`, in the order of the help.
     texts : help of those that mean something else to this command.
     """

@@ -1,20 +1,131 @@
-"""The files that a render writes: a dry run, the picture so far, the final files, and a fallback for failures."""
+"""What commands write: sentences, JSON, and a render's files, with its checkpoint and a fallback for failures."""
 
 import contextlib
 import json
+import shlex
+import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from raytracer.cli.base.checkpoints import ResumeInfo
-from raytracer.util.errors import OutputError
+from raytracer.cli.base.options import parse_value
+from raytracer.schema.units import parse_duration
+from raytracer.util.errors import InputError, OutputError
 from raytracer.util.signals import WATCH, temporary_path
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image
+    from raytracer.rendering.checkpoint import CheckpointInfo, CheckpointWriter
     from raytracer.rendering.session import Rendered
+
+
+def say(sentence: str) -> None:
+    """Print a sentence about what the command does on stderr."""
+    print(f"rt: {sentence}", file=sys.stderr)
+
+
+def warn(sentence: str) -> None:
+    """Print a warning on stderr."""
+    say(f"warning: {sentence}")
+
+
+def to_json(data: Any, *, ensure_ascii: bool = True) -> str:
+    """Write data as lines of JSON."""
+    return json.dumps(data, indent=2, allow_nan=False, ensure_ascii=ensure_ascii) + "\n"
+
+
+def print_json(data: Any, *, ensure_ascii: bool = True) -> None:
+    """Print the result that `--json` asks for."""
+    print(to_json(data, ensure_ascii=ensure_ascii), end="")
+
+
+def check_files(paths: Iterable[Path]) -> None:
+    """Check that files can be written before the work, not after."""
+    from raytracer.util.atomic_write import check_file
+
+    for path in paths:
+        check_file(path)
+
+
+def report_written(*paths: Path, quiet: bool) -> None:
+    """Say which files were written, a line each."""
+    for path in () if quiet else paths:
+        print(f"wrote {path}", file=sys.stderr)
+
+
+def report_faults(faults: Iterable[str], *, strict: bool) -> None:
+    """Say what is wrong with a picture; if `strict`, the first fault is an OutputError."""
+    for fault in faults:
+        if strict:
+            raise OutputError(fault)
+        say(fault)
+
+
+# ---- Checkpoints
+
+
+def parse_checkpoint_interval(text: str | None) -> float | None:
+    """Parse the seconds between checkpoints from `--checkpoint TIME|off`; None for no checkpoints."""
+    from raytracer.rendering.checkpoint import DEFAULT_INTERVAL
+
+    if text is None:
+        return DEFAULT_INTERVAL
+    return None if text == "off" else parse_value("--checkpoint", text, parse_duration)
+
+
+def find_checkpoint_path(outputs: Sequence[Path], *, is_required: bool, warn: Callable[[str], object]) -> Path | None:
+    """Return the path of the checkpoint, beside the first output that is a regular file; None if there can be none.
+
+    is_required : raise an InputError then; otherwise `warn` if it cannot be written.
+    """
+    from raytracer.rendering.checkpoint import checkpoint_path
+    from raytracer.util.atomic_write import check_file, is_special
+
+    files = [path for path in outputs if not is_special(path)]
+    if not files:
+        if is_required:
+            raise InputError(f"a checkpoint lies beside the picture, and {outputs[0]} is no file: add -o NAME.png")
+        return None
+    path = checkpoint_path(files[0])
+    try:
+        check_file(path)
+    except InputError as error:
+        if is_required:
+            raise
+        warn(f"{error}; the render's samples are not kept")
+        return None
+    return path
+
+
+def resume_command(words: Sequence[str]) -> str:
+    """Return the command line that resumes the one with these words after `rt`."""
+    return shlex.join(["rt", *(word for word in words if word != "--resume"), "--resume"])
+
+
+class ResumeInfo(NamedTuple):
+    """The checkpoint of a render, and the command that resumes from it.
+
+    writer : of the checkpoint.
+    words : of the command line that rendered, after `rt`.
+    """
+
+    writer: "CheckpointWriter"
+    words: Sequence[str]
+
+    @property
+    def checkpoint(self) -> "CheckpointInfo | None":
+        """Contents of the checkpoint; None if none was written, or its folder is gone."""
+        info = self.writer.info
+        return info if info is not None and info.path.is_file() else None
+
+    def command(self) -> str:
+        """Return the command line that resumes the render."""
+        return resume_command(self.words)
+
+
+# ---- The files of a render
 
 
 def join_paths(paths: Sequence[Path]) -> str:
@@ -44,17 +155,11 @@ def save_picture_so_far(image: "Image", outputs: Sequence[Path], say: Callable[[
 
 
 def write_outputs(
-    rendered: "Rendered",
-    outputs: Sequence[Path],
-    stats: Path | None,
-    resume: ResumeInfo,
-    warn: Callable[[str], object],
+    rendered: "Rendered", outputs: Sequence[Path], stats: Path | None, resume: ResumeInfo, warn: Callable[[str], object]
 ) -> None:
     """Write all files of a finished render.
 
-    Raises
-    ------
-    OutputError : some files cannot be written; the others are.  It says where the samples or a copy of the picture are.
+    Raises OutputError: some files cannot be written; the others are.  It says where the samples or a copy are.
     """
     from concurrent.futures import ThreadPoolExecutor
 

@@ -1,14 +1,14 @@
 """The sentences on stderr about a finished render: what was made, what it took, and what looks wrong."""
 
+import shlex
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from raytracer.cli.base.checkpoints import ResumeInfo
-from raytracer.cli.base.outputs import join_paths
-from raytracer.cli.base.sample_path import DebugCommand
+from raytracer.cli.base.options import GivenOptions
+from raytracer.cli.base.outputs import ResumeInfo, join_paths, report_faults, say
 from raytracer.rendering.options import RenderOptions
 from raytracer.report.wording import format_given_percent, format_percent, format_percent_interval, megabytes, plural
 from raytracer.util.errors import OutputError
@@ -19,6 +19,28 @@ if TYPE_CHECKING:
 
 # Fewer samples per pixel tell too little of the error.
 _SPP_FOR_ERROR = 16
+
+
+class DebugCommand(NamedTuple):
+    """The options of a render that decide what a sample of its picture is, as they were given."""
+
+    scene: str
+    define: list[str]
+    preview: bool
+    given: GivenOptions
+
+    def line(self, pixel: Sequence[int], sample: int | None = None) -> str:
+        """Return the command line that prints the path of a sample."""
+        words = ["rt", "render", self.scene]
+        for text in self.define:
+            words += ["-D", text]
+        words += ["--preview"] if self.preview else []
+        for name in ("spp", "seed", "noise", "time_limit"):
+            value = self.given.words[name]
+            words += [] if value is None else [f"--{name.replace('_', '-')}", str(value)]
+        words += ["--pixel", ",".join(map(str, pixel))]
+        words += [] if sample is None else ["--sample", str(sample)]
+        return shlex.join([*words, "--debug"])
 
 
 class RenderReport(NamedTuple):
@@ -44,29 +66,31 @@ class RenderReport(NamedTuple):
     def show(self, *, quiet: bool) -> None:
         """Print the report; what is wrong with the picture also when quiet.
 
-        Raises
-        ------
-        OutputError : the cluster failed; or samples or pixels are wrong, and `strict`.
+        Raises OutputError: the cluster failed; or samples or pixels are wrong, and `strict`.
         """
         rendered, checkpoint = self.rendered, self.resume.checkpoint
         names = join_paths(self.outputs)
         if rendered.interrupted:
             further = "" if checkpoint is None else f"; this goes on: {self.resume.command()}"
-            _say(f"rt: interrupted; {names} has {self._samples()}{further}")
+            say(f"interrupted; {names} has {self._samples()}{further}")
         elif not rendered.complete and rendered.failure is None:
-            _say(f"rt: {self._describe_shortfall(names)}")
+            say(f"{self._describe_shortfall(names)}")
         elif self.options.noise is not None and not rendered.image.radiance.any():
-            _say(f"rt: {names} is black, so its relative error says nothing")
+            say(f"{names} is black, so its relative error says nothing")
         if not quiet:
-            _say(summarize(rendered, names, time.perf_counter() - self.began))
-        if not quiet and checkpoint is not None and not rendered.interrupted:
-            _say(f"{checkpoint.path}: all samples ({megabytes(checkpoint.bytes)}), to which --resume --spp N adds")
-        if not quiet and rendered.setting is not None and rendered.setting.exposure.metering is not None:
-            part = " in the crop" if self.options.crop is not None else ""
-            _say(f"exposure: {rendered.setting.summary()}{part}")
+            print(*self._summaries(names), sep="\n", file=sys.stderr)
         _show_faults(rendered.stats, self.debug, strict=self.options.strict)
         if rendered.failure is not None:
             raise OutputError(f"{rendered.failure}; {names} has {self._samples()}")
+
+    def _summaries(self, names: str) -> Iterator[str]:
+        """Write the lines about what was made: the render, its checkpoint, and its exposure."""
+        checkpoint, setting = self.resume.checkpoint, self.rendered.setting
+        yield summarize(self.rendered, names, time.perf_counter() - self.began)
+        if checkpoint is not None and not self.rendered.interrupted:
+            yield f"{checkpoint.path}: all samples ({megabytes(checkpoint.bytes)}), to which --resume --spp N adds"
+        if setting is not None and setting.exposure.metering is not None:
+            yield f"exposure: {setting.summary()}{'' if self.options.crop is None else ' in the crop'}"
 
     def _samples(self) -> str:
         """Say how many samples the pixels have, of how many that were asked for."""
@@ -96,21 +120,12 @@ def describe_delay(rendered: "Rendered", limit: float, seconds: float) -> str:
     return f"{seconds:.1f} s for a time limit of {limit:g} s: {names[longest]} took {spent[longest]:.1f} s; {least}"
 
 
-def _say(sentence: str) -> None:
-    print(sentence, file=sys.stderr)
-
-
 def _show_faults(stats: "Stats", debug: DebugCommand, *, strict: bool) -> None:
-    """Warn on stderr of what looks wrong in the picture.
-
-    Raises
-    ------
-    OutputError : samples were not finite, or pixels are below zero without a reason, and `strict`.
-    """
+    """Warn on stderr of what looks wrong in the picture, and fail if it is no mere firefly, and `strict`."""
     from raytracer.film.negative_pixels import describe_negative_pixels
 
     if stats.fireflies:
-        _say(f"rt: {_describe_fireflies(stats.fireflies, debug)}")
+        say(f"{_describe_fireflies(stats.fireflies, debug)}")
     faults = []
     if stats.nan_samples:
         sentence = f"{_count_not_finite(stats.nan_samples)} and {'was' if stats.nan_samples == 1 else 'were'} dropped"
@@ -121,10 +136,7 @@ def _show_faults(stats: "Stats", debug: DebugCommand, *, strict: bool) -> None:
     if stats.negative_pixels and not stats.negative["causes"]:
         sentence = describe_negative_pixels(stats.negative_pixels, stats.negative)
         faults.append(f"{sentence}; this shows a sample of the lowest: {debug.line(stats.negative['pixel'])}")
-    for fault in faults:
-        if strict:
-            raise OutputError(fault)
-        _say(f"rt: {fault}")
+    report_faults(faults, strict=strict)
 
 
 def summarize(rendered: "Rendered", names: str, whole: float) -> str:

@@ -3,11 +3,13 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base import files
-from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_distance, parse_view
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield import base
+from raytracer.cli.lightfield.base import Far, File, Near, Quiet, parse_distance, parse_view
 
 EXAMPLE = """\b
 Examples:
@@ -17,18 +19,11 @@ Examples:
 """
 
 
-def register(group: typer.Typer) -> None:
-    """Add the command to the group."""
-    group.command("all-in-focus", epilog=EXAMPLE)(all_in_focus)
-
-
 def all_in_focus(
     file: File,
-    output: Annotated[list[Path], typer.Option("--output", "-o", metavar="OUT", help="Picture.  May repeat.")],
-    scale: Annotated[int, typer.Option(min=1, max=4, help="Pixels along one of a view.")] = 1,
-    view: Annotated[
-        str | None, typer.Option(metavar="ROW,COLUMN", help="As seen from there.  Default: the middle.")
-    ] = None,
+    output: Annotated[list[Path], options.output("OUT", "Picture.  May repeat.")],
+    scale: Annotated[int, Option(min=1, max=4, help="Pixels along one of a view.")] = 1,
+    view: Annotated[str | None, takes("ROW,COLUMN", "As seen from there.  Default: the middle.")] = None,
     near: Near = None,
     far: Far = None,
     threads: options.Threads = None,
@@ -39,25 +34,24 @@ def all_in_focus(
     Each point is taken from where its depth puts it in every view that sees it: as sharp as through a pinhole, with
     less noise.  With --scale finer than any view, since views see a point between each other's pixels.
     """
-    files.check_outputs(output, files.picture_suffixes(), "a picture")
-    index = parse_view("--view", view) or (None, None)
+    base.check_outputs(output, base.picture_suffixes(), "a picture")
+    row, column = parse_view("--view", view) or (None, None)
     nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
 
     from raytracer.lightfield.depth.depth_map import depth_map
-    from raytracer.lightfield.refocusing.all_in_focus import all_in_focus as fuse
+    from raytracer.lightfield.super_resolution import all_in_focus as fuse
     from raytracer.lightfield.super_resolution import supersampled
     from raytracer.util.progress import Bar
 
-    with files.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        with files.name_in_errors(file):
+    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+        with options.name_in_errors(file):
             depths = depth_map(
-                field, row=index[0], column=index[1], near=nearest, far=farthest, threads=threads, update=bar.update
+                field, row=row, column=column, near=nearest, far=farthest, threads=threads, update=bar.update
             )
         if scale == 1:
             picture = fuse(field, depths, update=bar.update)
         else:
             picture = supersampled(field, scale, depths, update=bar.update)
         for path in output:
-            files.save_picture(picture, path, field)
-    for path in output:
-        files.report_written(path, quiet)
+            base.save_picture(picture, path, field)
+    report_written(*output, quiet=quiet)

@@ -2,13 +2,14 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import check_outputs, report_written
-from raytracer.cli.lightfield.base.options import Quiet, parse_positive
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import print_json, report_written
+from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,51 +31,37 @@ is of something evenly bright, at the same zoom and focus; 1.0 in the light fiel
 """
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command("decode", epilog=EXAMPLE)(decode)
-
-
 def decode(
-    raw: Annotated[str, typer.Argument(metavar="RAW", help="Picture of the sensor behind microlenses.")],
+    raw: Annotated[str, Argument(metavar="RAW", help="Picture of the sensor behind microlenses.")],
     white: Annotated[
-        str | None,
-        typer.Option(metavar="WHITE", help="Picture of something evenly bright; default: the grid is sought in RAW."),
+        str | None, takes("WHITE", "Picture of something evenly bright; default: the grid is sought in RAW.")
     ] = None,
-    dark: Annotated[str | None, typer.Option(metavar="DARK", help="Picture without light, taken off both.")] = None,
+    dark: Annotated[str | None, takes("DARK", "Picture without light, taken off both.")] = None,
     grid: Annotated[
-        str | None, typer.Option(metavar="GRID.json", help="Grid of microlenses that --json printed, not to be sought.")
+        str | None, takes("GRID.json", "Grid of microlenses that --json printed, not to be sought.")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.lf", help="Light field to write.")
-    ] = None,
+    output: Annotated[Path | None, options.output("FILE.lf", "Light field to write.")] = None,
     bayer: Annotated[
         str | None,
-        typer.Option(
-            metavar="ORDER",
-            help="Colour filters on the first two pixels of the first two rows: rggb, bggr, grbg, gbrg "
+        takes(
+            "ORDER",
+            "Colour filters on the first two pixels of the first two rows: rggb, bggr, grbg, gbrg "
             "(needs pip install 'raytracer[bayer]').",
         ),
     ] = None,
     views: Annotated[
         int | None,
-        typer.Option(
-            help="Views in a row and in a column; default: the largest odd number that fits under a microlens.",
-            show_default=False,
-        ),
+        Option(help="Views in a row and in a column; default: the largest odd number that fits under a microlens."),
     ] = None,
-    srgb: Annotated[
-        bool, typer.Option("--srgb", help="Files of 8 and 16 bits hold display values, not light.")
-    ] = False,
-    pixel_pitch: Annotated[str | None, typer.Option(metavar="LENGTH", help="Of the sensor: 1.4um.")] = None,
-    focal_length: Annotated[str | None, typer.Option(metavar="LENGTH", help="Of the main lens: 50mm.")] = None,
-    f_number: Annotated[float | None, typer.Option(metavar="N", help="Of the main lens.")] = None,
+    srgb: Annotated[bool, Option("--srgb", help="Files of 8 and 16 bits hold display values, not light.")] = False,
+    pixel_pitch: Annotated[str | None, takes("LENGTH", "Of the sensor: 1.4um.")] = None,
+    focal_length: Annotated[str | None, takes("LENGTH", "Of the main lens: 50mm.")] = None,
+    f_number: Annotated[float | None, takes("N", "Of the main lens.")] = None,
     microlens_distance: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH", help="From microlenses to sensor: 25um; default: what fits the f-number."),
+        str | None, takes("LENGTH", "From microlenses to sensor: 25um; default: what fits the f-number.")
     ] = None,
     focus_distance: Annotated[
-        str, typer.Option(metavar="LENGTH", help="Plane that is sharp on the microlenses, from the lens: 1.5m.")
+        str, takes("LENGTH", "Plane that is sharp on the microlenses, from the lens: 1.5m.")
     ] = "inf",
     as_json: options.AsJson = False,
     quiet: Quiet = False,
@@ -89,41 +76,25 @@ def decode(
         check_outputs([output], (".lf",), "a light field")
     options.check_f_number(f_number)
     distance = parse_positive("--focus-distance", focus_distance, "length")
-    pitch, focal, distance_behind = (
-        None if text is None else _finite(option, text)
-        for option, text in (
-            ("--pixel-pitch", pixel_pitch),
-            ("--focal-length", focal_length),
-            ("--microlens-distance", microlens_distance),
-        )
-    )
-
-    import json
+    pitch = _length("--pixel-pitch", pixel_pitch, "um")
+    focal = _length("--focal-length", focal_length, "mm")
+    behind = _length("--microlens-distance", microlens_distance, "um")
 
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
-    from raytracer.lightfield.decoding.microlens_grid import read_grid
-    from raytracer.lightfield.decoding.optics import Optics
+    from raytracer.lightfield.decoding.microlens_grid import Optics, read_grid
     from raytracer.util.progress import Bar
 
     known = None if grid is None else read_grid(grid)
-    um = 1e3
-    optics = Optics(
-        pixel_pitch=None if pitch is None else um * pitch,
-        focal_length=focal,
-        f_number=f_number,
-        microlens_distance=None if distance_behind is None else um * distance_behind,
-        focus_distance=distance,
-    )
+    optics = Optics(pitch, focal, f_number, microlens_distance=behind, focus_distance=distance)
     light_field = decode_picture(raw, white, dark=dark, grid=known, bayer=bayer, views=views, srgb=srgb, optics=optics)
-    if not quiet:
-        for note in light_field.notes:
-            print(f"note: {note}", file=sys.stderr)
+    for note in () if quiet else light_field.notes:
+        print(f"note: {note}", file=sys.stderr)
     if output is not None:
         with Bar(" views", quiet=quiet) as bar:
             light_field.write(output, bar.update)
-        report_written(output, quiet)
+        report_written(output, quiet=quiet)
     if as_json:
-        print(json.dumps(light_field.grid.as_dict(), indent=2, allow_nan=False))
+        print_json(light_field.grid.as_dict())
     elif not quiet:
         print(_summary(light_field.grid))
         size = light_field.views
@@ -144,9 +115,11 @@ def _summary(grid: "Grid") -> str:
     return "\n".join(lines)
 
 
-def _finite(option: str, text: str) -> float:
-    """Parse a finite length (mm)."""
-    value = parse_positive(option, text, "optic")
-    if value == float("inf"):
+def _length(option: str, text: str | None, unit: Literal["mm", "um"]) -> float | None:
+    """Parse a finite length, in a unit; None if the option is not given."""
+    if text is None:
+        return None
+    millimetres = parse_positive(option, text, "optic")
+    if millimetres == float("inf"):
         raise InputError(f"{option} {text}: must be finite")
-    return value
+    return millimetres if unit == "mm" else 1e3 * millimetres

@@ -1,22 +1,17 @@
 """`rt lightfield depth`: estimates how far away everything is, in metres."""
 
-import json
 import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import (
-    check_outputs,
-    name_in_errors,
-    open_light_field,
-    report_written,
-    save_picture,
-)
-from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_distance, parse_view
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import print_json, report_written
+from raytracer.cli.lightfield import base
+from raytracer.cli.lightfield.base import Far, File, Near, Quiet, parse_distance
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -49,23 +44,12 @@ Some are sure and wrong, as where a pattern repeats: one alone would take most o
 _ALMOST_ALL = f"{100.0 * (1.0 - 2.0 * _TAILS):g} %"
 
 
-def register(group: typer.Typer) -> None:
-    """Add the command to the group."""
-    group.command("depth", epilog=EXAMPLE)(depth)
-
-
 def depth(
     file: File,
-    output: Annotated[
-        list[Path] | None, typer.Option("--output", "-o", metavar="OUT", help=".png .exr .npy .pfm.  May repeat.")
-    ] = None,
-    confidence: Annotated[
-        Path | None, typer.Option(metavar="OUT", help="How sure each pixel is, 0 to 1: .png .npy .pfm.")
-    ] = None,
-    method: Annotated[str, typer.Option(help="focus, slopes, or both.")] = "both",
-    view: Annotated[
-        str | None, typer.Option(metavar="ROW,COLUMN", help="What is seen from there.  Default: the middle.")
-    ] = None,
+    output: Annotated[list[Path] | None, options.output("OUT", ".png .exr .npy .pfm.  May repeat.")] = None,
+    confidence: Annotated[Path | None, takes("OUT", "How sure each pixel is, 0 to 1: .png .npy .pfm.")] = None,
+    method: Annotated[str, Option(help="focus, slopes, or both.")] = "both",
+    view: Annotated[str | None, takes("ROW,COLUMN", "What is seen from there.  Default: the middle.")] = None,
     near: Near = None,
     far: Far = None,
     threads: options.Threads = None,
@@ -80,11 +64,11 @@ def depth(
     outputs = output or []
     from raytracer.film.formats.registry import image_formats, map_suffixes
 
-    check_outputs(outputs, map_suffixes(), "a depth map")
+    base.check_outputs(outputs, map_suffixes(), "a depth map")
     if confidence is not None:
-        check_outputs([confidence], map_suffixes(with_image=False), "a map of confidence")
-    index = parse_view("--view", view) or (None, None)
-    nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
+        base.check_outputs([confidence], map_suffixes(with_image=False), "a map of confidence")
+    row, column = base.parse_view("--view", view) or (None, None)
+    bounds = {"near": parse_distance("--near", near), "far": parse_distance("--far", far)}
 
     from raytracer.lightfield.depth.depth_map import METHODS, depth_map
     from raytracer.util.atomic_write import write_bytes
@@ -92,32 +76,24 @@ def depth(
 
     if method not in METHODS:
         raise InputError(f"--method {method}: must be one of {', '.join(METHODS)}")
-    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        with name_in_errors(file):
+    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+        with options.name_in_errors(file):
             depths = depth_map(
-                field,
-                row=index[0],
-                column=index[1],
-                method=method,
-                near=nearest,
-                far=farthest,
-                threads=threads,
-                update=bar.update,
+                field, row=row, column=column, method=method, threads=threads, update=bar.update, **bounds
             )
         for path in outputs:
             image_format = image_formats()[path.suffix.lower()]
             if image_format.has_layers:
                 layers = {"depth": depths.distance, "confidence": depths.confidence}
-                save_picture(field.view(depths.row, depths.column), path, field, layers)
+                base.save_picture(field.view(depths.row, depths.column), path, field, layers)
             else:
                 write_bytes(path, _encode_depths(depths, field, image_format))
         if confidence is not None:
             write_bytes(confidence, _encode_confidence(depths, image_formats()[confidence.suffix.lower()]))
         summary = _summary(depths, field, method)
-    for path in [*outputs, *([] if confidence is None else [confidence])]:
-        report_written(path, quiet)
+    report_written(*outputs, *([] if confidence is None else [confidence]), quiet=quiet)
     if as_json:
-        print(json.dumps(summary, indent=2, allow_nan=False))
+        print_json(summary)
     elif not quiet:
         _print(summary)
 
@@ -153,11 +129,8 @@ def _summary(depths: "Depth", field: "LightField", method: str) -> dict[str, Any
     import numpy as np
 
     is_sure = depths.confidence >= _SURE
-    summary: dict[str, Any] = {
-        "method": method,
-        "view": [depths.row, depths.column],
-        "sure_share": float(is_sure.mean()),
-    }
+    view, share = [depths.row, depths.column], float(is_sure.mean())
+    summary: dict[str, Any] = {"method": method, "view": view, "sure_share": share}
     if is_sure.any():
         values = (depths.distance if field.is_metric else depths.inverse)[is_sure]
         # Not by interpolation, which has no answer between a number and infinity.
@@ -173,9 +146,8 @@ def _summary(depths: "Depth", field: "LightField", method: str) -> dict[str, Any
 def _print(summary: dict[str, Any]) -> None:
     print(f"{100.0 * summary['sure_share']:.1f} % of the pixels are sure (confidence of {_SURE:g} or more)")
     if "near_m" in summary:
-        near, median, far = (
-            "infinity" if v is None else f"{v:.4g} m" for v in (summary[n] for n in ("near_m", "median_m", "far_m"))
-        )
+        values = (summary[name] for name in ("near_m", "median_m", "far_m"))
+        near, median, far = ("infinity" if value is None else f"{value:.4g} m" for value in values)
         print(f"{_ALMOST_ALL} of these are {near} to {far} away, half of them at most {median}")
     elif "least_px" in summary:
         low, high = summary["least_px"], summary["most_px"]

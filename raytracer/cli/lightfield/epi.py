@@ -1,12 +1,15 @@
 """`rt lightfield epi`: epipolar slices."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-import typer
+from typer import Option
 
-from raytracer.cli.lightfield.base import files
-from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance
+from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield import base
+from raytracer.cli.lightfield.base import File, Quiet, parse_distance
 
 EXAMPLE = """\b
 Examples:
@@ -17,26 +20,14 @@ Examples:
 """
 
 
-def register(group: typer.Typer) -> None:
-    """Add the command to the group."""
-    group.command("epi", epilog=EXAMPLE)(epi)
-
-
 def epi(
     file: File,
-    output: Annotated[
-        Path,
-        typer.Option("--output", "-o", metavar="OUT", help=".png or .jpg with axes; .exr .hdr .npy, a line each view."),
-    ],
-    line: Annotated[
-        int | None, typer.Option(metavar="N", help="Row of pixels (or column), from 0.  Default: the middle.")
-    ] = None,
-    views: Annotated[
-        int | None, typer.Option(metavar="N", help="Row of views (or column), from 0.  Default: the middle.")
-    ] = None,
-    vertical: Annotated[bool, typer.Option("--vertical", help="A column of pixels from a column of views.")] = False,
+    output: Annotated[Path, options.output("OUT", ".png or .jpg with axes; .exr .hdr .npy, a line each view.")],
+    line: Annotated[int | None, takes("N", "Row of pixels (or column), from 0.  Default: the middle.")] = None,
+    views: Annotated[int | None, takes("N", "Row of views (or column), from 0.  Default: the middle.")] = None,
+    vertical: Annotated[bool, Option("--vertical", help="A column of pixels from a column of views.")] = False,
     distance: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="What is there stands upright.  Default: where views meet.")
+        str | None, takes("LENGTH", "What is there stands upright.  Default: where views meet.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -45,26 +36,22 @@ def epi(
     Each point is a straight line there; the farther it is from the plane where all views see the same, the more it
     leans, to one side if it is nearer and to the other if it is farther.
     """
-    files.check_outputs([output], files.picture_suffixes(), "a slice")
+    base.check_outputs([output], base.picture_suffixes(), "a slice")
     plane = parse_distance("--distance", distance)
+    inverse = None if plane is None else 1.0 / plane
 
     from raytracer.film.formats.registry import image_formats
     from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
 
-    with files.open_light_field(file) as field:
-        with files.name_in_errors(file):
-            epi_slice = epipolar_slice(
-                field,
-                direction="vertical" if vertical else "horizontal",
-                line=line,
-                views=views,
-                inverse_distance=None if plane is None else 1.0 / plane,
-            )
+    with base.open_light_field(file) as field:
+        with options.name_in_errors(file):
+            direction: Literal["vertical", "horizontal"] = "vertical" if vertical else "horizontal"
+            epi_slice = epipolar_slice(field, direction=direction, line=line, views=views, inverse_distance=inverse)
         if encode_pixels := image_formats()[output.suffix.lower()].encode_pixels:
             from raytracer.util.atomic_write import write_bytes
 
             drawn = draw_slice(epi_slice) if field.is_metric else draw_slice(epi_slice, unit="views", scale=1.0)
             write_bytes(output, encode_pixels(drawn))
         else:
-            files.save_picture(epi_slice.radiance, output, field)
-    files.report_written(output, quiet)
+            base.save_picture(epi_slice.radiance, output, field)
+    report_written(output, quiet=quiet)

@@ -4,10 +4,10 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from raytracer.cli.lightfield.base.files import check_folder, check_outputs, open_light_field, report_written
-from raytracer.cli.lightfield.base.options import File, Quiet
+from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield.base import File, Quiet, check_folder, check_outputs, open_light_field
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -23,20 +23,12 @@ A geometry.json beside them says what their names do not: rt lightfield import t
 """
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command("export", epilog=EXAMPLE)(export)
-
-
 def export(
     file: File,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write, or a .npy file.")],
-    naming: Annotated[
-        str | None, typer.Option(metavar="NAME", help="grid, stanford or hci.  Default: grid.", show_default=False)
-    ] = None,
+    output: Annotated[Path, options.output("FOLDER", "Folder to write, or a .npy file.")],
+    naming: Annotated[str | None, takes("NAME", "grid, stanford or hci.  Default: grid.")] = None,
     suffix: Annotated[
-        str | None,
-        typer.Option("--format", metavar="SUFFIX", help="Of the views: png jpg exr hdr npy.  Default: png."),
+        str | None, takes("SUFFIX", "Of the views: png jpg exr hdr npy.  Default: png.", "--format")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -61,8 +53,7 @@ def export(
 
     with open_light_field(file) as field, Bar(" views", quiet=quiet) as bar:
         if is_array:
-            for path in export_array(field, output):
-                report_written(path, quiet)
+            report_written(*export_array(field, output), quiet=quiet)
             return
         ending = f".{(suffix or 'png').lower().removeprefix('.')}"
         check_export(field, output, named, ending)

@@ -4,10 +4,12 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
-from raytracer.cli.lightfield.base.files import check_outputs, report_written
-from raytracer.cli.lightfield.base.options import Quiet, parse_positive
+from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
 from raytracer.schema.units import Dimension
 from raytracer.util.errors import InputError
 
@@ -26,37 +28,26 @@ view_03_05.png, or in one number, by rows.  Also .npy of (rows, columns, height,
 """
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command("import", epilog=EXAMPLE)(import_file)
-
-
-def import_file(
-    path: Annotated[str, typer.Argument(metavar="PATH", help="Folder of views, picture of all views, or .npy.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.lf", help="File to write.")],
-    rows: Annotated[int | None, typer.Option(help="Rows of views, where names do not say.", min=1, max=4096)] = None,
-    columns: Annotated[int | None, typer.Option(help="Views in a row.", min=1, max=4096)] = None,
+def import_(
+    path: Annotated[str, Argument(metavar="PATH", help="Folder of views, picture of all views, or .npy.")],
+    output: Annotated[Path, options.output("FILE.lf", "File to write.")],
+    rows: Annotated[int | None, Option(help="Rows of views, where names do not say.", min=1, max=4096)] = None,
+    columns: Annotated[int | None, Option(help="Views in a row.", min=1, max=4096)] = None,
     spacing: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH[,LENGTH]", help="From view to view: 8mm; or to the right and down, 8mm,10mm."),
+        str | None, takes("LENGTH[,LENGTH]", "From view to view: 8mm; or to the right and down, 8mm,10mm.")
     ] = None,
     focus_distance: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH", help="Plane in which all views see the same: 1.2m; inf for parallel views."),
+        str | None, takes("LENGTH", "Plane in which all views see the same: 1.2m; inf for parallel views.")
     ] = None,
-    vfov: Annotated[str | None, typer.Option(metavar="ANGLE", help="Vertical field of view of a view.")] = None,
-    focal_length: Annotated[str | None, typer.Option(metavar="LENGTH", help="Of a view's lens, with --sensor.")] = None,
-    sensor: Annotated[str | None, typer.Option(metavar="LENGTH", help="Width of a view's sensor: 36mm.")] = None,
-    flip: Annotated[
-        str, typer.Option(metavar="x|y|xy", help="Axes along which places in Stanford names run the other way.")
-    ] = "",
+    vfov: Annotated[str | None, takes("ANGLE", "Vertical field of view of a view.")] = None,
+    focal_length: Annotated[str | None, takes("LENGTH", "Of a view's lens, with --sensor.")] = None,
+    sensor: Annotated[str | None, takes("LENGTH", "Width of a view's sensor: 36mm.")] = None,
+    flip: Annotated[str, takes("x|y|xy", "Axes along which places in Stanford names run the other way.")] = "",
     interleaved: Annotated[
-        bool, typer.Option("--interleaved", help="Of one picture: pixels of all views lie beside each other (ESLF).")
+        bool, Option("--interleaved", help="Of one picture: pixels of all views lie beside each other (ESLF).")
     ] = False,
-    dtype: Annotated[
-        str, typer.Option(metavar="TYPE", help="Of the numbers in the file: float16, float32, float64.")
-    ] = "float32",
-    compress: Annotated[bool, typer.Option("--compress", help="Smaller, and slower to write and to read.")] = False,
+    dtype: Annotated[str, takes("TYPE", "Of the numbers in the file: float16, float32, float64.")] = "float32",
+    compress: Annotated[bool, Option("--compress", help="Smaller, and slower to write and to read.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Take over a light field of another program: write it as an .lf file.
@@ -90,7 +81,7 @@ def import_file(
     field = import_views(path, rows=rows, columns=columns, spacing=steps, flip=flip, interleaved=interleaved, **lengths)
     with Bar(" rows of views", quiet=quiet) as bar:
         lf.write(output, field, dtype=dtype, compress=compress, update=bar.update)
-    report_written(output, quiet)
+    report_written(output, quiet=quiet)
     if not quiet and not field.is_metric:
         how = "--spacing, --focus-distance and --vfov say them"
         print(f"note: metres are not known ({how}): 1 / distance is in pixels per view", file=sys.stderr)

@@ -1,15 +1,14 @@
 """`rt lightfield info`: prints what a file holds."""
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import open_light_field
-from raytracer.cli.lightfield.base.options import File
+from raytracer.cli.base.outputs import print_json
+from raytracer.cli.lightfield.base import File, open_light_field
 
 if TYPE_CHECKING:
     from raytracer.film.light_field.field import LightField
@@ -22,16 +21,9 @@ Examples:
 """
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(info)
-
-
 def info(
     file: File,
-    check: Annotated[
-        bool, typer.Option("--check", help="Read everything, and fail where the file is damaged.")
-    ] = False,
+    check: Annotated[bool, Option("--check", help="Read everything, and fail where the file is damaged.")] = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Show what a light field holds: views, their places and pixels, and where it can be focused."""
@@ -40,7 +32,7 @@ def info(
             _read_all(field)
         numbers = {**_numbers(field), "file_bytes": Path(file).stat().st_size}
     if as_json:
-        print(json.dumps(numbers, indent=2, allow_nan=False))
+        print_json(numbers)
     else:
         print(_format(numbers), end="")
         if check:
@@ -50,13 +42,10 @@ def info(
 def _read_all(field: "LightField") -> None:
     import numpy as np
 
-    for array in (field.radiance, *field.layers.values()):
-        for row in range(field.views.rows):
-            for column in range(field.views.columns):
-                array[row, column]
-    if field.samples is not None:
-        for index in np.ndindex(field.views.rows, field.views.columns):
-            field.samples.value[index]
+    samples = () if field.samples is None else (field.samples.value,)
+    for array in (field.radiance, *field.layers.values(), *samples):
+        for view in np.ndindex(field.views.rows, field.views.columns):
+            array[view]
     for part in field.rays or ():
         part[:]
 
@@ -99,16 +88,14 @@ def _numbers(field: "LightField") -> dict[str, Any]:
         },
         "microlenses": 0 if field.samples is None else len(field.samples.place),
         "rays": 0 if field.rays is None else len(field.rays.weight),
-        "settings": {key: value if isinstance(value, int) else _plain(value) for key, value in field.settings.items()},
+        "settings": {
+            key: _number(value) if isinstance(value, float) else value for key, value in field.settings.items()
+        },
     }
 
 
 def _number(value: float) -> float | str:
     return value if math.isfinite(value) else str(value)
-
-
-def _plain(value: str | float) -> str | float:
-    return _number(value) if isinstance(value, float) else value
 
 
 def _format(info: dict[str, Any]) -> str:

@@ -3,11 +3,12 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import check_outputs, name_in_errors, open_light_field, report_written
-from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield.base import File, Quiet, check_outputs, open_light_field, parse_distance
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -19,26 +20,19 @@ Examples:
 """
 
 
-def register(group: typer.Typer) -> None:
-    """Add the command to the group."""
-    group.command("move", epilog=EXAMPLE)(move)
-
-
 def move(
     file: File,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help=".gif or .webp, which runs for ever.")],
-    path: Annotated[str, typer.Option(help="circle, right (and back), up (and back), or eight.")] = "circle",
+    output: Annotated[Path, options.output("OUT", ".gif or .webp, which runs for ever.")],
+    path: Annotated[str, Option(help="circle, right (and back), up (and back), or eight.")] = "circle",
     radius: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Half the path's width.  Default: as far as there are views.")
+        str | None, takes("LENGTH", "Half the path's width.  Default: as far as there are views.")
     ] = None,
-    frames: Annotated[int, typer.Option(min=2, max=1000, help="Of the animation.")] = 24,
-    fps: Annotated[float, typer.Option(help="Frames a second, at most 50.")] = 12.0,
+    frames: Annotated[int, Option(min=2, max=1000, help="Of the animation.")] = 24,
+    fps: Annotated[float, Option(help="Frames a second, at most 50.")] = 12.0,
     depth: Annotated[
-        bool, typer.Option("--depth/--no-depth", help="Take each point from where its depth puts it, or blend views.")
+        bool, Option("--depth/--no-depth", help="Take each point from where its depth puts it, or blend views.")
     ] = True,
-    distance: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="The plane that is sharp between views, with --no-depth.")
-    ] = None,
+    distance: Annotated[str | None, takes("LENGTH", "The plane that is sharp between views, with --no-depth.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Move a pinhole about in the plane of the views, and look: parallax as an animation.
@@ -64,7 +58,7 @@ def move(
         raise InputError(f"--path {path}: must be one of {', '.join(PATHS)}")
     is_known = depth and plane is None
     with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        with name_in_errors(file):
+        with options.name_in_errors(file):
             positions = path_places(field.views, path, frames=frames, radius=path_radius)
             depths = depth_map(field, update=bar.update) if is_known else None
         pictures = []
@@ -72,4 +66,4 @@ def move(
             pictures.append(srgb.to_uint8(view))
             bar.update(number + 1, frames)
         write_bytes(output, encode(pictures, kind, fps=fps))
-    report_written(output, quiet)
+    report_written(output, quiet=quiet)

@@ -1,22 +1,17 @@
 """`rt lightfield refocus`: photographs that are focused after the shot."""
 
-import json
 import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
+from typer import Option
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import (
-    check_outputs,
-    name_in_errors,
-    open_light_field,
-    picture_suffixes,
-    report_written,
-)
-from raytracer.cli.lightfield.base.options import File, Quiet, parse_position
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import print_json, report_written
+from raytracer.cli.lightfield import base
+from raytracer.cli.lightfield.base import File, Quiet
 from raytracer.rendering.options import parse_crop
 from raytracer.util.errors import InputError
 
@@ -42,69 +37,43 @@ picture each, numbered.
 _MOST_PLANES = 10_000
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command("refocus", epilog=EXAMPLE)(refocus)
-
-
 def refocus(
     file: File,
-    output: Annotated[
-        list[Path],
-        typer.Option("--output", "-o", metavar="OUT", help=".png .jpg .exr .hdr .npy, or .gif .webp.  May repeat."),
-    ],
+    output: Annotated[list[Path], options.output("OUT", ".png .jpg .exr .hdr .npy, or .gif .webp.  May repeat.")],
     distance: Annotated[
         list[str] | None,
-        typer.Option(
+        takes(
+            "LENGTH",
+            "Plane of focus along the axis: 2.5, 80cm, inf; 1,2,4; or START:STOP:COUNT.  May repeat.  Default: "
+            "the plane in which all views see the same.",
             "--distance",
             "-d",
-            metavar="LENGTH",
-            help="Plane of focus along the axis: 2.5, 80cm, inf; 1,2,4; or START:STOP:COUNT.  May repeat.  Default: "
-            "the plane in which all views see the same.",
-            show_default=False,
         ),
     ] = None,
     alpha: Annotated[
-        float | None,
-        typer.Option(metavar="A", help="In place of a distance: how many times as far from the lens the film is."),
+        float | None, takes("A", "In place of a distance: how many times as far from the lens the film is.")
     ] = None,
     slope: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="PX",
-            help="In place of a distance: pixels by which what is in focus moves from view to view; also a range.",
-        ),
+        takes("PX", "In place of a distance: pixels by which what is in focus moves from view to view; also a range."),
     ] = None,
-    f_number: Annotated[
-        float | None, typer.Option("--f-number", metavar="N", help="Aperture.  Default: all that there is.")
-    ] = None,
+    f_number: Annotated[float | None, takes("N", "Aperture.  Default: all that there is.", "--f-number")] = None,
     aperture: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Its diameter, in place of an f-number: 40mm (plain: metres).")
+        str | None, takes("LENGTH", "Its diameter, in place of an f-number: 40mm (plain: metres).")
     ] = None,
     aperture_shape: Annotated[
-        str | None, typer.Option(metavar="SHAPE", help="Its shape, as in a scene: {type: polygon, blades: 6}.")
+        str | None, takes("SHAPE", "Its shape, as in a scene: {type: polygon, blades: 6}.")
     ] = None,
-    center: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="Its middle, right and up from that of the lens: 2mm,0.")
-    ] = None,
-    tilt: Annotated[
-        str, typer.Option(metavar="ANGLE", help="By how much the plane of focus leans away at its top.")
-    ] = "0",
-    swing: Annotated[str, typer.Option(metavar="ANGLE", help="By how much it leans away to the right.")] = "0",
+    center: Annotated[str | None, takes("X,Y", "Its middle, right and up from that of the lens: 2mm,0.")] = None,
+    tilt: Annotated[str, takes("ANGLE", "By how much the plane of focus leans away at its top.")] = "0",
+    swing: Annotated[str, takes("ANGLE", "By how much it leans away to the right.")] = "0",
     method: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME", help="shift, fourier (sooner done for many planes), or rays, where they are kept."
-        ),
+        str, takes("NAME", "shift, fourier (sooner done for many planes), or rays, where they are kept.")
     ] = "shift",
-    interpolation: Annotated[
-        str, typer.Option(metavar="NAME", help="Between pixels, of shift: lanczos, cubic or linear.")
-    ] = "lanczos",
-    scale: Annotated[
-        float, typer.Option(metavar="X", help="Of rays: pixels of the picture along one of the views'.")
-    ] = 1.0,
+    interpolation: Annotated[str, takes("NAME", "Between pixels, of shift: lanczos, cubic or linear.")] = "lanczos",
+    scale: Annotated[float, takes("X", "Of rays: pixels of the picture along one of the views'.")] = 1.0,
     crop: options.Crop = None,
-    fps: Annotated[float, typer.Option(help="Pictures a second of an animation.", min=0.1, max=50.0)] = 8.0,
+    fps: Annotated[float, Option(help="Pictures a second of an animation.", min=0.1, max=50.0)] = 8.0,
     as_json: options.AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -116,7 +85,7 @@ def refocus(
     if sum(map(bool, (distances, slopes, alpha is not None))) > 1:
         raise InputError("--distance, --alpha and --slope set the plane of focus: give one of them")
     animations = animation_suffixes(with_images=False)
-    check_outputs(output, (*picture_suffixes(), *animations), "a photograph")
+    base.check_outputs(output, (*base.picture_suffixes(), *animations), "a photograph")
     planes = max(len(distances), len(slopes))
     for path in output:
         if path.suffix.lower() in animations and planes < 2:
@@ -138,9 +107,9 @@ def refocus(
     from raytracer.lightfield.refocusing.refocus import refocus as refocus_field
     from raytracer.util.progress import Bar
 
-    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         arguments["update"] = bar.update
-        with name_in_errors(file):
+        with options.name_in_errors(file):
             if planes > 1:
                 images = focal_stack(field, distances, slopes=slopes, **arguments)
             else:
@@ -148,12 +117,11 @@ def refocus(
                 images = [refocus_field(field, plane[0], alpha=alpha, slope=plane[1], **arguments)]
         note = _note_out_of_range(field, images) or _note_black_pixels(images)
     files = [written for path in output for written in _write(images, path, fps)]
-    for path in files:
-        report_written(path, quiet)
+    report_written(*files, quiet=quiet)
     if note and not quiet:
         print(f"note: {note}", file=sys.stderr)
     if as_json:
-        print(json.dumps(_to_json(field, images, files), indent=2, allow_nan=False))
+        print_json(_to_json(field, images, files))
 
 
 # ---- Options
@@ -199,7 +167,7 @@ def _steps(start: float, stop: float, count: int) -> list[float]:
 def _center(text: str | None) -> tuple[float, float]:
     if text is None:
         return 0.0, 0.0
-    right, up = parse_position("--center", text)
+    right, up = base.parse_position("--center", text)
     if not (math.isfinite(right) and math.isfinite(up)):
         raise InputError(f"--center {text}: must be finite")
     return right, up

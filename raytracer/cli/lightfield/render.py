@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from raytracer.cli.base import options
-from raytracer.cli.base.checkpoints import parse_checkpoint_interval, resume_command
-from raytracer.cli.base.cluster import connect_cluster
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import check_files, parse_checkpoint_interval, report_faults, resume_command
 from raytracer.schema.units import parse_bytes
-from raytracer.util.errors import InputError, Interrupted, OutputError
+from raytracer.util.errors import InputError, Interrupted
 from raytracer.util.signals import WATCH, defer_interrupt, raise_interrupt
 
 if TYPE_CHECKING:
@@ -43,44 +44,38 @@ Examples:
 )
 def render(
     context: typer.Context,
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file, of a camera with many views.")],
+    scene: Annotated[str, Argument(metavar="SCENE", help="Scene file, of a camera with many views.")],
     *,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE.lf", help="Light field to write.", show_default=False)
-    ],
+    output: Annotated[Path, options.output("FILE.lf", "Light field to write.")],
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
     memory: Annotated[
         str,
-        typer.Option(
-            metavar="SIZE",
-            help="Memory that pictures may take, besides the scene: 2GB, 500MB.  Where all views take more, they are "
+        takes(
+            "SIZE",
+            "Memory that pictures may take, besides the scene: 2GB, 500MB.  Where all views take more, they are "
             "rendered in parts.",
         ),
     ] = "2GB",
     given: options.GivenOptions,
     dtype: Annotated[
-        str, typer.Option(metavar="TYPE", help="Numbers of the radiance in the file: float16, float32 or float64.")
+        str, takes("TYPE", "Numbers of the radiance in the file: float16, float32 or float64.")
     ] = "float32",
     compress: Annotated[
-        bool, typer.Option("--compress", help="Compress the file: a fifth smaller, and slower to read.")
+        bool, Option("--compress", help="Compress the file: a fifth smaller, and slower to read.")
     ] = False,
     cluster: Annotated[
-        str | None,
-        typer.Option(metavar="URL", help="Have the samples taken by the workers of this Dask scheduler."),
+        str | None, takes("URL", "Have the samples taken by the workers of this Dask scheduler.")
     ] = None,
     checkpoint: Annotated[
         str | None,
-        typer.Option(
-            metavar="TIME|off",
-            help="How often to write all samples so far to files beside the output, FILE.lf.1.checkpoint for the first "
+        takes(
+            "TIME|off",
+            "How often to write all samples so far to files beside the output, FILE.lf.1.checkpoint for the first "
             "part, until the light field is there: 5min.  Default: 60s.",
-            show_default=False,
         ),
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on from these files, after an interrupt or a crash.")
-    ] = False,
+    resume: Annotated[bool, Option("--resume", help="Go on from these files, after an interrupt or a crash.")] = False,
     stats: options.Stats = None,
     quiet: options.Quiet = False,
 ) -> None:
@@ -95,18 +90,16 @@ def render(
     picture_memory = int(options.parse_value("--memory", memory, parse_bytes))
     _check_format(output, dtype)
     wanted = given.parse()
-    from raytracer.scene.load import load
-    from raytracer.scene.overrides import parse_overrides
-
-    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
-    _check_writable(output, stats)
+    spec = options.load_scene(scene, define, allow_files)
+    check_files([output, *([] if stats is None else [stats])])
     from raytracer.lightfield.capturing.capture import capture
+    from raytracer.rendering.checkpoint import SUFFIX
     from raytracer.rendering.progress import SampleBar
 
     with ExitStack() as stack:
         stack.enter_context(WATCH.on_first_signal(raise_interrupt))
         bar = stack.enter_context(SampleBar(quiet=quiet))
-        client = stack.enter_context(connect_cluster(cluster))
+        client = stack.enter_context(options.connect_cluster(cluster))
 
         def show(progress: "Progress") -> None:
             # From the first sample on there is something to lose.
@@ -135,7 +128,8 @@ def render(
                 **wanted.as_keywords(),
             )
         except KeyboardInterrupt:
-            further = f"; this goes on: {resume_command(context.obj.words)}" if _has_checkpoints(output) else ""
+            has_samples = any(output.parent.glob(f"{glob.escape(output.name)}.*{SUFFIX}"))
+            further = f"; this goes on: {resume_command(context.obj.words)}" if has_samples else ""
             bar.say(f"rt: interrupted; {output} is not written{further}")
             raise Interrupted from None
         bar.close()
@@ -152,28 +146,8 @@ def _check_format(output: Path, dtype: str) -> None:
         raise InputError(f"--dtype {dtype}: must be {', '.join(TYPES)}")
 
 
-def _check_writable(output: Path, stats: Path | None) -> None:
-    """Check that all files can be written before the work, not after."""
-    from raytracer.util.atomic_write import check_file
-
-    for path in (output, *([stats] if stats is not None else [])):
-        check_file(path)
-
-
-def _has_checkpoints(output: Path) -> bool:
-    """Return True if samples of some part of a light field are kept."""
-    from raytracer.rendering.checkpoint import SUFFIX
-
-    return any(output.parent.glob(f"{glob.escape(output.name)}.*{SUFFIX}"))
-
-
 def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bool, strict: bool) -> None:
-    """Write the statistics, and say on stderr what was made; what is wrong with it also when quiet.
-
-    Raises
-    ------
-    OutputError : samples were not finite, or pixels are below zero without a reason, and `strict`.
-    """
+    """Write the statistics, and say on stderr what was made, and what is wrong with it, which fails if `strict`."""
     from raytracer.film.negative_pixels import describe_negative_pixels
     from raytracer.util.atomic_write import write_bytes
 
@@ -192,10 +166,7 @@ def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bo
     if numbers.negative_pixels and not numbers.negative["causes"]:
         negative = describe_negative_pixels(numbers.negative_pixels, numbers.negative)
         faults.append(f"{negative}; pixel {numbers.negative['pixel']}")
-    for fault in faults:
-        if strict:
-            raise OutputError(fault)
-        print(f"rt: {fault}", file=sys.stderr)
+    report_faults(faults, strict=strict)
 
 
 def _summarize(captured: "Captured", output: Path) -> str:
@@ -217,8 +188,3 @@ def _summarize(captured: "Captured", output: Path) -> str:
     if stats.negative_pixels and stats.negative["causes"]:
         parts.append(describe_negative_pixels(stats.negative_pixels, stats.negative))
     return ", ".join(parts)
-
-
-def register(group: typer.Typer) -> None:
-    """Add the command to `group`."""
-    group.command(epilog=EXAMPLE)(render)

@@ -4,11 +4,9 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, report_written
-from raytracer.cli.lightfield.base.options import File, Quiet
+from raytracer.cli.base.options import takes
+from raytracer.cli.lightfield.base import File, Quiet, check_outputs, open_light_field
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -25,20 +23,12 @@ _UNITS = {"": 1, "b": 1, "kb": 1_000, "mb": 1_000_000, "gb": 1_000_000_000}
 _MOST_EV = 64.0
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
-    app.command(epilog=EXAMPLE)(view)
-
-
 def view(
     file: File,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="PAGE.html", help="Default: outputs/FILE.html.")
-    ] = None,
-    size: Annotated[str, typer.Option(metavar="BYTES", help="Size that the page has at most: 10MB.")] = "40MB",
+    output: Annotated[Path | None, options.output("PAGE.html", "Default: outputs/FILE.html.")] = None,
+    size: Annotated[str, takes("BYTES", "Size that the page has at most: 10MB.")] = "40MB",
     exposure: Annotated[
-        str | None,
-        typer.Option(metavar="EV", help="Exposure with which it is first shown: +2.  Default: 0, unless it is dark."),
+        str | None, takes("EV", "Exposure with which it is first shown: +2.  Default: 0, unless it is dark.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -58,9 +48,7 @@ def view(
     with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         notes = write_page(path, field, title=Path(file).stem, size=max_bytes, exposure=ev, update=bar.update)
     if not quiet:
-        for note in notes:
-            print(note, file=sys.stderr)
-    report_written(path, quiet)
+        print(*notes, f"wrote {path}", sep="\n", file=sys.stderr)
 
 
 def _bytes(text: str) -> int:

@@ -2,12 +2,15 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
-from raytracer.cli.lightfield.base import files
-from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance, parse_position, parse_view
+from raytracer.cli.base import options
+from raytracer.cli.base.options import takes
+from raytracer.cli.base.outputs import report_written
+from raytracer.cli.lightfield import base
+from raytracer.cli.lightfield.base import File, Quiet, parse_distance, parse_position, parse_view
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,37 +29,24 @@ Examples:
 """
 
 
-def register(group: typer.Typer) -> None:
-    """Add the command to the group."""
-    group.command("views", epilog=EXAMPLE)(views)
-
-
 def views(
     file: File,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="Picture; with --all, a folder.")],
-    view: Annotated[str | None, typer.Option(metavar="ROW,COLUMN", help="One view, counted from 0.")] = None,
+    output: Annotated[Path, options.output("OUT", "Picture; with --all, a folder.")],
+    view: Annotated[str | None, takes("ROW,COLUMN", "One view, counted from 0.")] = None,
     at: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y", help="What is seen from a place: lengths to the right and up from the middle."),
+        str | None, takes("X,Y", "What is seen from a place: lengths to the right and up from the middle.")
     ] = None,
     depth: Annotated[
-        bool,
-        typer.Option("--depth", help="With --at: take each point from where its depth puts it in the views around."),
+        bool, Option("--depth", help="With --at: take each point from where its depth puts it in the views around.")
     ] = False,
-    distance: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="With --at: the plane that is sharp, without --depth.")
-    ] = None,
+    distance: Annotated[str | None, takes("LENGTH", "With --at: the plane that is sharp, without --depth.")] = None,
     scale: Annotated[
-        int, typer.Option(min=1, max=4, help="With --view: pixels along one, from what all views know of it.")
+        int, Option(min=1, max=4, help="With --view: pixels along one, from what all views know of it.")
     ] = 1,
-    every: Annotated[
-        bool, typer.Option("--all", help="All views that got light, each in a file: view_ROW_COLUMN.")
-    ] = False,
-    suffix: Annotated[
-        str, typer.Option("--format", metavar="SUFFIX", help="Of these files: png jpg exr hdr npy.")
-    ] = "png",
+    every: Annotated[bool, Option("--all", help="All views that got light, each in a file: view_ROW_COLUMN.")] = False,
+    suffix: Annotated[str, takes("SUFFIX", "Of these files: png jpg exr hdr npy.", "--format")] = "png",
     width: Annotated[
-        int | None, typer.Option(min=1, max=65500, help="Of the montage in pixels, at most.  Default: 4096.")
+        int | None, Option(min=1, max=65500, help="Of the montage in pixels, at most.  Default: 4096.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -65,33 +55,26 @@ def views(
     Places are in metres in the plane of the views (plain numbers too; 3mm, 1cm): rt lightfield info says how far it
     goes.
     """
-    wanted: Literal["view", "at", "all", "montage"] = "montage"
     if sum((view is not None, at is not None, every)) > 1:
         raise InputError("--view, --at and --all each ask for something else: give one of them")
-    if view is not None:
-        wanted = "view"
-    elif at is not None:
-        wanted = "at"
-    elif every:
-        wanted = "all"
-    if wanted != "at" and (depth or distance is not None):
+    if at is None and (depth or distance is not None):
         raise InputError("--depth and --distance say how a view between others is made: give --at too")
     if depth and distance is not None:
         raise InputError("--depth and --distance: give one of them")
-    if scale > 1 and wanted != "view":
+    if scale > 1 and view is None:
         raise InputError("--scale makes one view larger: give --view too")
     index, position = parse_view("--view", view), None if at is None else parse_position("--at", at)
     plane = parse_distance("--distance", distance)
-    if wanted == "all":
-        if output.suffix.lower() in files.picture_suffixes() and not output.is_dir():
+    if every:
+        if output.suffix.lower() in base.picture_suffixes() and not output.is_dir():
             raise InputError(f"-o {output}: --all writes a file for each view, and -o names their folder")
-        files.check_folder(output)
+        base.check_folder(output)
         ending = f".{suffix.lower().removeprefix('.')}"
-        if ending not in files.picture_suffixes():
-            known = ", ".join(each.removeprefix(".") for each in files.picture_suffixes())
+        if ending not in base.picture_suffixes():
+            known = ", ".join(each.removeprefix(".") for each in base.picture_suffixes())
             raise InputError(f"--format {suffix}: must be one of {known}")
     else:
-        files.check_outputs([output], files.picture_suffixes(), "a view")
+        base.check_outputs([output], base.picture_suffixes(), "a view")
 
     from raytracer.lightfield.coverage import require_lit
     from raytracer.lightfield.depth.depth_map import depth_map, reference_view
@@ -100,12 +83,12 @@ def views(
     from raytracer.lightfield.views.synthesis import view_at
     from raytracer.util.progress import Bar
 
-    with files.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         geometry = field.views
-        if wanted == "all":
+        if every:
             _save_all(field, output, ending, bar.update, quiet)
             return
-        with files.name_in_errors(file):
+        with options.name_in_errors(file):
             if index is not None:
                 chosen = reference_view(geometry, *index)
                 require_lit(field, *chosen)
@@ -120,21 +103,20 @@ def views(
                 picture = view_at(field, *position, depth=around, distance=plane)
             else:
                 picture = montage(field, width=4096 if width is None else width)
-        files.save_picture(picture, output, field)
-    files.report_written(output, quiet)
+        base.save_picture(picture, output, field)
+    report_written(output, quiet=quiet)
 
 
 def _save_all(field: "LightField", folder: Path, ending: str, update: "Update", quiet: bool) -> None:
     """Write all views that any light came to, each in a file with its row and column; say how many got none."""
     from raytracer.lightfield.coverage import lit_views
+    from raytracer.util.progress import report_progress
 
     lit = lit_views(field)
     digits = len(str(max(lit.shape) - 1))
-    wanted = [divmod(number, lit.shape[1]) for number in lit.ravel().nonzero()[0].tolist()]
-    for number, (row, column) in enumerate(wanted, 1):
-        name = f"view_{row:0{digits}}_{column:0{digits}}{ending}"
-        files.save_picture(field.view(row, column), folder / name, field)
-        update(number, len(wanted))
+    wanted = list(zip(*lit.nonzero(), strict=True))
+    for row, column in report_progress(wanted, update):
+        base.save_picture(field.view(row, column), folder / f"view_{row:0{digits}}_{column:0{digits}}{ending}", field)
     if not quiet:
         left_out = lit.size - len(wanted)
         note = f"; {left_out} others got no light" if left_out else ""
@@ -142,12 +124,7 @@ def _save_all(field: "LightField", folder: Path, ending: str, update: "Update", 
 
 
 def _check_within(views: "Views", option: str | None, position: tuple[float, float]) -> None:
-    """Make sure that views are around a place: nothing is known beyond them.
-
-    Raises
-    ------
-    InputError : it is farther out than any view.
-    """
+    """Make sure that views are around a place: nothing is known beyond them."""
     import numpy as np
 
     from raytracer.lightfield.coverage import within_lens

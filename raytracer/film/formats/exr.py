@@ -14,9 +14,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.formats.base.image_format import DecodedLayers, ImageFormat, Layers, header_settings
-from raytracer.film.formats.base.limits import check_size
-from raytracer.film.formats.base.stored_image import StoredImage, to_single
+from raytracer.film.formats.base.image_format import (
+    DecodedLayers,
+    ImageFormat,
+    Layers,
+    StoredImage,
+    check_size,
+    header_settings,
+    to_single,
+)
 from raytracer.util.errors import abbreviate
 from raytracer.util.safe_open import BrokenFileError
 
@@ -42,13 +48,10 @@ def encode_exr(image: "Image", layers: Layers) -> bytes:
     import OpenEXR
 
     header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    header["chromaticities"] = _CHROMATICITIES
+    header |= {"chromaticities": _CHROMATICITIES}
     header |= {_PREFIX + key: value for key, value in header_settings(image).items()}
-
-    arrays: dict[str, NDArray[Any]] = {"": image.radiance}
-    if image.variance is not None:
-        arrays["variance"] = image.variance
-    arrays |= {**image.layers, **layers}
+    variance = {} if image.variance is None else {"variance": image.variance}
+    arrays: dict[str, NDArray[Any]] = {"": image.radiance, **variance, **image.layers, **layers}
 
     # A float64 that float32 cannot hold becomes inf, as it should; identifiers stay integers.
     channels: dict[str, NDArray[Any]] = {}
@@ -68,9 +71,7 @@ def encode_exr(image: "Image", layers: Layers) -> bytes:
 def decode_exr(data: bytes) -> NDArray[np.float64]:
     """Decode the radiance of a file, float64 (height, width, 3); of a grey one all channels are equal.
 
-    Raises
-    ------
-    BrokenFileError : it has neither R, G and B nor Y; or as `read_exr`.
+    Raises BrokenFileError: it has neither R, G and B nor Y; or as `read_exr`.
     """
     layers, _ = decode_exr_layers(data, {"radiance"})
     if "radiance" not in layers and "Y" not in layers:
@@ -79,12 +80,7 @@ def decode_exr(data: bytes) -> NDArray[np.float64]:
 
 
 def decode_exr_layers(data: bytes, wanted: Collection[str] | None = None) -> DecodedLayers:
-    """Decode layers and settings; see `raytracer.film.image_file.load_layers`.
-
-    Raises
-    ------
-    BrokenFileError : as `read_exr`.
-    """
+    """Decode layers and settings; see `raytracer.film.image_file.load_layers`, and `read_exr` for errors."""
 
     def is_wanted(name: str) -> bool:
         return wanted is None or (name.rpartition(".")[0] or "radiance") in wanted or name in wanted
@@ -112,9 +108,7 @@ def decode_exr_layers(data: bytes, wanted: Collection[str] | None = None) -> Dec
 def decode_exr_stored(data: bytes) -> StoredImage:
     """Decode colours or grey, with opacity if there is one, or the only channel.
 
-    Raises
-    ------
-    BrokenFileError : it has neither; or as `read_exr`.
+    Raises BrokenFileError: it has neither; or as `read_exr`.
     """
     _, channels = read_exr(data)
     names = next((names for names in ("RGBA", "RGB", "YA", "Y") if all(name in channels for name in names)), None)
@@ -128,10 +122,8 @@ def read_exr(
 ) -> tuple[Mapping[str, Any], dict[str, NDArray[Any]]]:
     """Read the header of a file, and those channels (height, width) of its first part that are wanted, by name.
 
-    Raises
-    ------
-    BrokenFileError : see `check_size`; or its parts hold deep pixels, or more bytes than are read.
-    Exception : whatever OpenEXR raises about broken files.
+    Raises BrokenFileError: see `check_size`; or its parts hold deep pixels, or more bytes than are read.
+    Raises Exception: whatever OpenEXR raises about broken files.
     """
     import OpenEXR
 

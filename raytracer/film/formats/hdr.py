@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.formats.base.image_format import ImageFormat, Layers, header_settings
-from raytracer.film.formats.base.limits import check_size
+from raytracer.film.formats.base.image_format import ImageFormat, Layers, check_size, header_settings
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image

@@ -16,13 +16,7 @@ if TYPE_CHECKING:
 
 
 def write_lf(image: "Image", path: Path) -> None:
-    """Write the light field that an image holds.
-
-    Raises
-    ------
-    InputError : it holds none.
-    OutputError : the file cannot be written.
-    """
+    """Write the light field that an image holds; an InputError says that it holds none, an OutputError why not."""
     from raytracer.film.light_field import lf
 
     try:

@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.formats.base.image_format import ImageFormat, Layers
-from raytracer.film.formats.base.limits import check_size
-from raytracer.film.formats.base.stored_image import StoredImage, to_single
+from raytracer.film.formats.base.image_format import ImageFormat, Layers, StoredImage, check_size, to_single
 from raytracer.util import safe_open
 from raytracer.util.safe_open import BrokenFileError
 
@@ -31,12 +29,7 @@ def encode_array(array: NDArray[Any]) -> bytes:
 
 
 def decode_npy(data: bytes) -> NDArray[np.float64]:
-    """Decode a file to linear values, float64 (height, width, 3).
-
-    Raises
-    ------
-    BrokenFileError : it holds no numbers of that shape.
-    """
+    """Decode a file to linear values, float64 (height, width, 3); a BrokenFileError says that it holds none."""
     array = safe_open.parse_npy(data)
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
         raise BrokenFileError("is no array of numbers of the shape (height, width, 3)")
@@ -45,12 +38,7 @@ def decode_npy(data: bytes) -> NDArray[np.float64]:
 
 
 def decode_npy_stored(data: bytes) -> StoredImage:
-    """Decode an array of one to four channels: floats, or uint8 and uint16 as in a PNG file.
-
-    Raises
-    ------
-    BrokenFileError : it holds anything else.
-    """
+    """Decode one to four channels of floats, or uint8 and uint16 as of a PNG file; else raise a BrokenFileError."""
     stored = safe_open.parse_npy(data)
     shape, dtype = stored.shape, stored.dtype
     if len(shape) not in (2, 3) or (len(shape) == 3 and not 1 <= shape[2] <= 4):

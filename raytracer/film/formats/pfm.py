@@ -18,12 +18,7 @@ _HEADER = re.compile(rb"(P[Ff])\s+(\d{1,9})\s+(\d{1,9})\s+([-+.\deE]{1,30})\s")
 
 
 def encode(values: NDArray[np.floating]) -> bytes:
-    """Encode a map of (height, width), or (height, width, 3), as float32.
-
-    Raises
-    ------
-    ValueError : the array is of another shape.
-    """
+    """Encode a map of (height, width), or (height, width, 3), as float32; an array of another shape is a ValueError."""
     shape = values.shape
     if len(shape) not in (2, 3) or shape[2:] not in ((), (3,)):
         raise ValueError(f"a .pfm file holds an array of (height, width) or (height, width, 3), not {shape}")

@@ -11,12 +11,7 @@ from raytracer.film.formats.base.image_format import ImageFormat
 
 @cache
 def image_formats() -> dict[str, ImageFormat]:
-    """Find all formats by suffix, in the order of messages; imports every module of the package.
-
-    Raises
-    ------
-    TypeError : two formats have the same suffix.
-    """
+    """Find all formats by suffix, in the order of messages; two with the same suffix are a TypeError."""
     declared = []
     for info in pkgutil.iter_modules(formats.__path__):
         module = importlib.import_module(f"{formats.__name__}.{info.name}")

@@ -58,9 +58,7 @@ def alpha_to_inverse_distance(views: Views, alpha: float) -> float:
     Behind a lens that is the film of the picture as it was taken, 1 / f = 1 / z_i + 1 / z_o.  For an array of cameras,
     which has none, `alpha` multiplies the distance of the plane of focus.
 
-    Raises
-    ------
-    ValueError : alpha is not above 0, or there is no such plane.
+    Raises ValueError: alpha is not above 0, or there is no such plane.
     """
     if not 0.0 < alpha < math.inf:
         raise ValueError(f"alpha must be greater than 0 and finite, got {alpha:g}")
@@ -79,9 +77,7 @@ def alpha_to_inverse_distance(views: Views, alpha: float) -> float:
 def slope_to_inverse_distance(views: Views, slope: float) -> float:
     """Convert a slope to one over the distance (1/m) of points that move against the views by `slope` pixels from each.
 
-    Raises
-    ------
-    ValueError : there is only one view, or the slope is not finite.
+    Raises ValueError: there is only one view, or the slope is not finite.
     """
     step = max(view_spacing(views))
     if step == 0.0:
@@ -92,12 +88,7 @@ def slope_to_inverse_distance(views: Views, slope: float) -> float:
 
 
 def aperture_diameter(views: Views, f_number: float) -> float:
-    """Compute the diameter (m) of the aperture of an f-number.
-
-    Raises
-    ------
-    ValueError : there is no focal length, or the lens has no such opening.
-    """
+    """Compute the diameter (m) of an f-number; a ValueError says that there is no focal length, or no such opening."""
     if views.focal_length is None:
         raise ValueError("an f-number needs the focal length of a lens, which these views do not have: give aperture")
     if not 0.0 < f_number < math.inf:

@@ -22,15 +22,11 @@ class Lattice:
 
     Vectors are right and down, in pixels of the raw picture.
 
-    Attributes
-    ----------
     origin (px) : the middle of one sub-image.
     along (px) : step to the next microlens in a row.
     across (px) : step to a microlens in the next row, for hexagons half way along as well.
 
-    Raises
-    ------
-    ValueError : numbers are not finite, or both steps lead the same way.
+    Raises ValueError: numbers are not finite, or both steps lead the same way.
     """
 
     origin: tuple[float, float]
@@ -38,8 +34,7 @@ class Lattice:
     across: tuple[float, float]
 
     def __post_init__(self) -> None:
-        numbers = (*self.origin, *self.along, *self.across)
-        if not all(map(math.isfinite, numbers)):
+        if not all(map(math.isfinite, (*self.origin, *self.along, *self.across))):
             raise ValueError("numbers of a lattice must be finite")
         if not self.area > 0.0:
             raise ValueError("the steps of a lattice must lead to different sides")
@@ -89,8 +84,6 @@ class Lattice:
 class LatticeRows(NamedTuple):
     """Microlenses, row by row.
 
-    Attributes
-    ----------
     top : number of the first row.
     first : int (rows,), column of each row's first microlens.
     number : int (rows,), microlenses of each row.

@@ -1,8 +1,12 @@
-"""The layout of a light field in a picture, and the light field that a picture holds."""
+"""The layouts of a light field in a picture, and the light field that a picture holds."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
-from raytracer.film.light_field.field import LightField
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.film.light_field.field import RAYS_LAYER, LightField, rays_from_layer
 from raytracer.film.light_field.views import Views
 from raytracer.util.errors import InputError
 
@@ -40,3 +44,24 @@ def extract_light_field(image: "Image") -> LightField:
     if field is None or (field.views.rows * field.views.columns == 1 and field.rays is None):
         raise InputError(NO_LIGHT_FIELD_MESSAGE)
     return field
+
+
+@dataclass(frozen=True)
+class Mosaic:
+    """The layout in which the view of row r and column c fills the pixels from (c width, r height) on."""
+
+    is_by_view: ClassVar[bool] = True
+
+    views: Views
+
+    def light_field(self, image: "Image") -> LightField:
+        """Extract the light field, without a copy of the pixels."""
+        layers = {name: self._split_views(layer) for name, layer in image.layers.items() if name != RAYS_LAYER}
+        rays = rays_from_layer(image.layers[RAYS_LAYER], self.views) if RAYS_LAYER in image.layers else None
+        return LightField(self._split_views(image.radiance), self.views, layers, rays, image.settings)
+
+    def _split_views(self, picture: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Reshape a picture (height, width, ...) to views (rows, columns, height, width, ...)."""
+        views = self.views
+        rows = picture.reshape(views.rows, views.height, views.columns, views.width, *picture.shape[2:])
+        return np.swapaxes(rows, 1, 2)

@@ -17,10 +17,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.disc_coverage import disc_coverage
-from raytracer.film.light_field.field import LIT_LAYER, LightField, Rays, Samples
+from raytracer.film.light_field.field import LIT_LAYER, RAYS_LAYER, LightField, Rays, Samples, rays_from_layer
 from raytracer.film.light_field.lattice import Lattice
-from raytracer.film.light_field.rays_layer import RAYS_LAYER, rays_from_layer
 from raytracer.film.light_field.resampling import Resampler
 from raytracer.film.light_field.views import Plane, Pose, Views
 
@@ -59,8 +57,6 @@ class _WholePixelGrid(NamedTuple):
 class Lenslets:
     """The layout of a light field in a picture from behind an array of microlenses.
 
-    Attributes
-    ----------
     lattice : middles of the sub-images, in pixels of the picture.
     width, height (px) : of the picture.
     middle (px) : place of the axis, right and down.
@@ -95,16 +91,14 @@ class Lenslets:
     def views(self) -> Views:
         """The geometry of the views.
 
-        Raises
-        ------
-        ValueError : the picture is too small to hold any.
+        Raises ValueError: the picture is too small to hold any.
         """
         whole = self._whole
         if self.is_focused:
             return self._patches.views
         if whole is None:
             grid = self._grid
-            return self._views(grid.count, grid.step, grid.middle, grid.pixel, grid.width, grid.height)
+            return self._views(grid.count, 1.0, grid.middle, grid.pixel, grid.width, grid.height)
         if not whole.columns or not whole.rows:
             raise ValueError(f"a picture of {self.width} x {self.height} pixels holds no whole sub-image")
         count, width, height = whole.pixels, whole.columns, whole.rows
@@ -131,28 +125,20 @@ class Lenslets:
         Views at the rim of the lens, which gather light through a part of their cell, are brightened as if they did
         through all of it; those without any are black.  Layers stay as they were seen.
 
-        Raises
-        ------
-        ValueError : the picture is too small to hold any view.
+        Raises ValueError: the picture is too small to hold any view.
         """
         views = self.views
         lit = self.lit
         layers = {name: np.asarray(layer) for name, layer in image.layers.items()}
         rays_layer = layers.pop(RAYS_LAYER, None)
         rays = self._rays(image.radiance, lit) if self.is_focused else None
+        rays = rays if rays_layer is None else rays_from_layer(rays_layer, views)
         radiance, seen, samples = self._split_radiance(image.radiance, lit)
         parts = {name: self._split_views(layer, None) for name, layer in layers.items()}
         # A view that is lit all over or nowhere has its place within the lens, or outside it.
         if (seen != seen[:, :, :1, :1]).any():
             parts[LIT_LAYER] = seen.astype(np.uint8)
-        return LightField(
-            radiance=radiance,
-            views=views,
-            layers=parts,
-            rays=rays if rays_layer is None else rays_from_layer(rays_layer, views),
-            settings=image.settings,
-            samples=samples,
-        )
+        return LightField(radiance, views, parts, rays, image.settings, samples)
 
     @cached_property
     def lit(self) -> FloatArray:
@@ -194,12 +180,11 @@ class Lenslets:
         places = np.stack([x, y], axis=-1)
         corner = np.floor(self.lattice.index(places))
         best, least = np.zeros_like(places), np.full(places.shape[:2], np.inf)
-        for right in (0.0, 1.0):
-            for down in (0.0, 1.0):
-                middles = self.lattice.place(corner[..., 0] + right, corner[..., 1] + down)
-                distance = ((places - middles) ** 2).sum(axis=-1)
-                nearer = distance < least
-                best, least = np.where(nearer[..., None], middles, best), np.where(nearer, distance, least)
+        for right, down in np.ndindex(2, 2):
+            middles = self.lattice.place(corner[..., 0] + right, corner[..., 1] + down)
+            distance = ((places - middles) ** 2).sum(axis=-1)
+            nearer = distance < least
+            best, least = np.where(nearer[..., None], middles, best), np.where(nearer, distance, least)
         return best, places - best
 
     def _rays(self, radiance: NDArray[Any], lit: FloatArray) -> Rays:
@@ -380,3 +365,28 @@ def _sample_bilinear(
             total += share[..., None] * picture[i, j]
             counted += share
     return total, counted
+
+
+def disc_coverage(left: Any, bottom: Any, width: float, height: float, radius: float) -> FloatArray:
+    """Compute the fraction of rectangles that a disc about 0 covers; left and bottom edges are arrays of any shape."""
+    left, bottom = np.broadcast_arrays(np.asarray(left, float), np.asarray(bottom, float))
+    x = np.stack([left, left + width]) / radius
+    y = np.stack([bottom, bottom + height]) / radius
+    area = _disc_below(x[1], y[1]) - _disc_below(x[0], y[1]) - _disc_below(x[1], y[0]) + _disc_below(x[0], y[0])
+    return np.asarray(np.clip(area * (radius / width) * (radius / height), 0.0, 1.0))
+
+
+def _disc_below(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Compute the area of the unit disc to the left of x and below y."""
+    # Between the places where the chord's ends are at the height y, it is cut; beyond them it is whole, or not there.
+    x, y = np.clip(x, -1.0, 1.0), np.clip(y, -1.0, 1.0)
+    turn = np.sqrt(1.0 - y * y)
+
+    def half(t: FloatArray) -> FloatArray:
+        """Integrate sqrt(1 - t^2) from -1 on."""
+        return np.asarray(0.5 * (t * np.sqrt(1.0 - t * t) + np.arcsin(t)) + 0.25 * math.pi)
+
+    inner_end = np.clip(x, -turn, turn)
+    cut = half(inner_end) - half(-turn) + y * (inner_end + turn)
+    outer = 2.0 * (half(np.minimum(x, -turn)) + np.where(x > turn, half(x) - half(turn), 0.0))
+    return np.asarray(cut + np.where(y > 0.0, outer, 0.0))

@@ -33,8 +33,6 @@ _HALF = 0.5
 class ResampledView(NamedTuple):
     """One view.
 
-    Attributes
-    ----------
     values : (height, width) or (height, width, channels).
     seen : bool (height, width), pixels with at least half of the weight of a linear interpolation on lit microlenses;
         others are extrapolated from the rest, or 0.
@@ -50,33 +48,23 @@ class ResampledView(NamedTuple):
 class Resampler:
     """Resampling of pictures of one size behind one lattice to views.
 
-    Attributes
-    ----------
     lattice : of the sub-images.
     raw_width, raw_height (px) : of the raw picture.
     count : views in a row and in a column; default: the whole pixels of a pitch.
-    step (raw px) : from one view to the next.
-    pixel (raw px) : size of a view's pixel; default: of a square as large as a cell of the lattice.
 
     Microlenses whose samples would lie outside the picture are left out.
 
-    Raises
-    ------
-    ValueError : fewer than two microlenses a side are whole.
+    Raises ValueError: fewer than two microlenses a side are whole.
     """
 
     lattice: Lattice
     raw_width: int
     raw_height: int
     count: int = 0
-    step: float = 1.0
-    pixel: float = 0.0
 
     def __post_init__(self) -> None:
         if self.count < 1:
             object.__setattr__(self, "count", max(1, math.floor(self.lattice.pitch + SLACK)))
-        if not self.pixel > 0.0:
-            object.__setattr__(self, "pixel", math.sqrt(self.lattice.area))
         if self.width < 2 or self.height < 2 or len(self._rows.first) < 2:
             raise ValueError(
                 f"a picture of {self.raw_width} x {self.raw_height} pixels holds fewer than two whole "
@@ -84,9 +72,14 @@ class Resampler:
             )
 
     @property
+    def pixel(self) -> float:
+        """Size of a view's pixel (raw px): of a square as large as a cell of the lattice."""
+        return math.sqrt(self.lattice.area)
+
+    @property
     def margin(self) -> float:
         """Smallest distance (raw px) of a microlens's middle from the picture's edge."""
-        return 0.5 * (self.count - 1) * self.step + 0.5
+        return 0.5 * self.count
 
     @property
     def first(self) -> tuple[float, float]:
@@ -129,7 +122,7 @@ class Resampler:
     def offset(self, row: int, column: int) -> tuple[float, float]:
         """Compute the offset of a view's samples from the middles of sub-images (raw px), right and down."""
         middle = 0.5 * (self.count - 1)
-        return (column - middle) * self.step, (row - middle) * self.step
+        return column - middle, row - middle
 
     def view(self, picture: NDArray[Any], row: int, column: int, weight: NDArray[Any] | None = None) -> FloatArray:
         """Resample one view (height, width[, channels]) of a raw picture; 0 where unseen."""
@@ -145,8 +138,6 @@ class Resampler:
     ) -> ResampledView:
         """Resample one view, and tell which of its pixels were seen.
 
-        Parameters
-        ----------
         picture : (raw_height, raw_width) or (raw_height, raw_width, channels).
         weight : (raw_height, raw_width), of each raw pixel, 0 for one that is not used; equal by default.
         least : smallest weight of a sample that is used.
@@ -179,10 +170,6 @@ class Resampler:
     def places(self) -> FloatArray:
         """Places (n, 2) of the microlenses that views are made of: right and down, in pixels, from a view's first."""
         return np.asarray((self._rows.middles - np.asarray(self.first)) / self.pixel)
-
-    def prepare(self) -> None:
-        """Compute the interpolation that all views share, which is otherwise computed with the first."""
-        assert self._touches is not None
 
     # ---- samples under microlenses
 

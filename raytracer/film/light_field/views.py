@@ -11,6 +11,7 @@ Gortler 2000, "Dynamically Reparameterized Light Fields"; Ng 2005, "Fourier Slic
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -33,6 +34,11 @@ class Pose(NamedTuple):
     right: tuple[float, float, float]
     up: tuple[float, float, float]
     forward: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, rows: Iterable[Iterable[float]]) -> "Pose":
+        """Make a pose of four triples of any numbers."""
+        return cls(*((float(x), float(y), float(z)) for x, y, z in rows))
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,15 @@ from raytracer.film.light_field.layout import NO_LIGHT_FIELD_MESSAGE, Layout
 from raytracer.film.light_field.views import Views
 from raytracer.film.window import Window
 from raytracer.kernel.aovs.base.interface import per_sample_aovs, unique_aovs
-from raytracer.lightfield.capturing.bands import bytes_per_pixel, choose_bands
-from raytracer.lightfield.capturing.checkpoints import BandCheckpoints
-from raytracer.lightfield.capturing.statistics import BandStats, band_stats, merge_stats, replace_error_settings
-from raytracer.rendering.checkpoint import CheckpointWriter
+from raytracer.lightfield.capturing.bands import (
+    BandStats,
+    band_stats,
+    bytes_per_pixel,
+    choose_bands,
+    merge_stats,
+    replace_error_settings,
+)
+from raytracer.rendering.checkpoint import CheckpointWriter, checkpoint_path
 from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.develop import light_field_layout
 from raytracer.rendering.options import RenderOptions, called_with
@@ -31,6 +36,7 @@ from raytracer.rendering.statistics import Stats
 from raytracer.rendering.tile_scheduler import now
 from raytracer.rendering.worker_pool import ClusterClient
 from raytracer.scene.spec import SceneSpec
+from raytracer.util.array_snapshot import previous_path
 from raytracer.util.errors import InputError, OutputError
 
 MEMORY = 2 * 10**9
@@ -116,15 +122,14 @@ def capture(options: CaptureOptions) -> Captured:
     layout = _light_field_layout(spec, aovs, path)
     pixel_bytes = bytes_per_pixel(prepared, keeps=keeps)
     width, height = spec.picture()
-    job = _Capture(prepared, path, width * height, now(), options.progress)
+    renderer = _BandRenderer(prepared, path, options)
     bands = choose_bands(spec, layout, pixel_bytes, memory, aovs)
-    checkpoints = BandCheckpoints(path, options.every, job.start, options.resume, options.say)
     if bands is None:
         window = Window(0, 0, width, height)
-        rendered = _render_window(job, window, 0, checkpoints.next())
+        rendered = renderer.render(window)
         begin = now()
         lf.write(path, layout.light_field(rendered.image), dtype=dtype, compress=compress)
-        checkpoints.delete()
+        renderer.delete_checkpoints()
         stats = merge_stats([band_stats(rendered, window.pixels)], prepared.seconds, now() - begin)
         return Captured(layout.views, stats, 1, pixel_bytes * window.pixels)
 
@@ -133,8 +138,8 @@ def capture(options: CaptureOptions) -> Captured:
     views = layout.views
     with lf.Writer(path, views, dtype=dtype, compress=compress) as writer:
         for band in bands:
-            window, before = band.window(views), sum(part.pixels for part in done)
-            rendered = _render_window(job, window, before, checkpoints.next())
+            window = band.window(views)
+            rendered = renderer.render(window)
             begin = now()
             field = band.layout(views).light_field(rendered.image)
             for r, c in np.ndindex(field.views.rows, field.views.columns):
@@ -149,64 +154,65 @@ def capture(options: CaptureOptions) -> Captured:
             writing += now() - begin
         stats = merge_stats(done, prepared.seconds, writing)
         replace_error_settings(writer.settings, stats)
-    checkpoints.delete()
+    renderer.delete_checkpoints()
     most = max(band.window(views).pixels for band in bands)
     return Captured(views, stats, len(bands), pixel_bytes * most)
 
 
 def _light_field_layout(spec: SceneSpec, aovs: Sequence[str], path: Path) -> Layout:
-    """Return the layout of a light field in the whole picture.
-
-    Raises
-    ------
-    InputError : the picture holds none.
-    """
+    """Return the layout of a light field in the whole picture; raise an InputError if it holds none."""
     layout = light_field_layout(spec)
     if layout is None or (layout.views.rows * layout.views.columns == 1 and not per_sample_aovs(unique_aovs(aovs))):
         raise InputError(f"{path}: {NO_LIGHT_FIELD_MESSAGE}")
     return layout
 
 
-class _Capture(NamedTuple):
-    """State that all bands of a capture share.
+class _BandRenderer:
+    """Renderer of the bands of a capture, one after the other; each has a checkpoint file beside the light field."""
 
-    prepared : the scene, ready to be rendered.
-    path : of the file.
-    pixels : of all views.
-    start : of the rendering (s).
-    progress : called with the progress of the whole; None for no report.
-    """
+    def __init__(self, prepared: PreparedScene, path: Path, options: CaptureOptions) -> None:
+        self._prepared, self._path, self._options = prepared, path, options
+        self._start, self._pixels = now(), 0
+        self._writers: list[CheckpointWriter] = []
 
-    prepared: PreparedScene
-    path: Path
-    pixels: int
-    start: float
-    progress: Callable[[Progress], None] | None
+    def render(self, window: Window) -> Rendered:
+        """Render a window of the picture.
 
+        Raises KeyboardInterrupt: the render was interrupted.
+        Raises OutputError: a cluster was lost.
+        """
+        spec = self._prepared.packed.spec
+        width, height = spec.picture()
 
-def _render_window(job: _Capture, window: Window, before: int, writer: CheckpointWriter | None) -> Rendered:
-    """Render a window of the picture.
+        def report(seen: Progress) -> None:
+            if self._options.progress is not None:
+                done, wanted = seen.done + self._pixels * spec.render.spp, width * height * spec.render.spp
+                self._options.progress(seen._replace(done=done, wanted=wanted, seconds=now() - self._start))
 
-    Parameters
-    ----------
-    before : pixels that are rendered already, for the progress.
-    writer : writes its checkpoints.
+        prepared = self._prepared.for_window(window)
+        rendered = render_prepared(prepared, progress=report, checkpoint_writer=self._next_checkpoint())
+        if rendered.failure is not None:
+            raise OutputError(f"{rendered.failure}; {self._path} is not written")
+        if rendered.interrupted:
+            raise KeyboardInterrupt
+        self._pixels += window.pixels
+        return rendered
 
-    Raises
-    ------
-    KeyboardInterrupt : the render was interrupted.
-    OutputError : a cluster was lost.
-    """
-    spp = job.prepared.packed.spec.render.spp
+    def _next_checkpoint(self) -> CheckpointWriter | None:
+        """Make the checkpoint writer of the next band; None without checkpoints."""
+        every = self._options.every
+        if every is None:
+            return None
+        # A shorter capture, bands before included, is soon rendered again.
+        always = now() - self._start >= every
+        file = checkpoint_path(self._path.with_name(f"{self._path.name}.{len(self._writers) + 1}"))
+        # Bands that were not begun have no checkpoint.
+        resume = self._options.resume and (file.exists() or previous_path(file).exists() or not self._writers)
+        self._writers.append(CheckpointWriter(file, every=every, resume=resume, always=always, say=self._options.say))
+        return self._writers[-1]
 
-    def report(seen: Progress) -> None:
-        if job.progress is not None:
-            done = seen.done + before * spp
-            job.progress(seen._replace(done=done, wanted=job.pixels * spp, seconds=now() - job.start))
-
-    rendered = render_prepared(job.prepared.for_window(window), progress=report, checkpoint_writer=writer)
-    if rendered.failure is not None:
-        raise OutputError(f"{rendered.failure}; {job.path} is not written")
-    if rendered.interrupted:
-        raise KeyboardInterrupt
-    return rendered
+    def delete_checkpoints(self) -> None:
+        """Remove the files, once the light field is written."""
+        for writer in self._writers:
+            if writer.info is not None or writer.resumed:
+                writer.delete()

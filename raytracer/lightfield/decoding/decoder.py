@@ -19,24 +19,21 @@ from raytracer.film.light_field.field import LIT_LAYER, LightField, Samples
 from raytracer.film.light_field.resampling import ResampledView, Resampler
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.decoding.calibration import find_grid
-from raytracer.lightfield.decoding.flat_field import (
+from raytracer.lightfield.decoding.microlens_grid import Grid, Optics
+from raytracer.lightfield.decoding.raw_image import (
     LEAST_LIGHT,
     Floats32,
-    divide_by_white,
-    find_defects,
-    flatten_channels,
-    has_color_filters,
-    light_weight,
-    note_clipping,
-)
-from raytracer.lightfield.decoding.microlens_grid import Grid
-from raytracer.lightfield.decoding.optics import Optics
-from raytracer.lightfield.decoding.raw_image import (
     Source,
     check_bayer,
     check_fits,
     demosaic,
+    divide_by_white,
+    find_defects,
+    flatten_channels,
+    has_color_filters,
     has_largest_value,
+    light_weight,
+    note_clipping,
     read_raw,
     source_name,
     subtract_dark,
@@ -84,12 +81,14 @@ class Decoded:
         lit = np.empty(radiance.shape[:4], dtype=np.uint8)
         places = self._places
         values = None if places is None else np.empty((views.rows, views.columns, len(places), 3), dtype=np.float32)
-        for row, column, seen in self._all():
-            radiance[row, column], lit[row, column] = seen.values, seen.seen
+        for place, seen in self._all():
+            radiance[place], lit[place] = seen.values, seen.seen
             if values is not None:
-                values[row, column] = seen.samples
+                values[place] = seen.samples
         samples = None if places is None or values is None else Samples(places, values)
-        return LightField(radiance, views, {LIT_LAYER: lit} if self._tells_lit else {}, None, self.settings, samples)
+        # Which pixels got light is known by the white picture.
+        layers = {} if self.weight is None else {LIT_LAYER: lit}
+        return LightField(radiance, views, layers, None, self.settings, samples)
 
     def write(self, path: str | Path, progress: Callable[[int, int], None] | None = None) -> None:
         """Write all views to an `.lf` file, each as it is made.
@@ -106,9 +105,9 @@ class Decoded:
 
         places = self._places
         with Writer(path, self.views, settings=self.settings, microlenses=places) as writer:
-            for number, (row, column, seen) in enumerate(self._all(), 1):
-                layers = {LIT_LAYER: seen.seen.astype(np.uint8)} if self._tells_lit else {}
-                writer.put_view(row, column, seen.values, layers, None if places is None else seen.samples)
+            for number, (place, seen) in enumerate(self._all(), 1):
+                layers = {} if self.weight is None else {LIT_LAYER: seen.seen.astype(np.uint8)}
+                writer.put_view(*place, seen.values, layers, None if places is None else seen.samples)
                 if progress is not None:
                     progress(number, self.views.rows * self.views.columns)
 
@@ -116,11 +115,6 @@ class Decoded:
     def _outside(self) -> NDArray[np.bool_]:
         """Mask of the views that lie outside the sub-images: bool (rows, columns)."""
         return np.asarray(cell_weights(self.views) == 0.0)
-
-    @property
-    def _tells_lit(self) -> bool:
-        """Tell if it is known which pixels got light: by the white picture."""
-        return self.weight is not None
 
     @property
     def _places(self) -> NDArray[np.float64] | None:
@@ -138,16 +132,15 @@ class Decoded:
             values, samples = np.repeat(values[..., None], 3, axis=2), np.repeat(samples[..., None], 3, axis=1)
         return ResampledView(values, seen.seen, samples)
 
-    def _all(self) -> Iterator[tuple[int, int, ResampledView]]:
-        """Yield all views, resampled a few at a time: row, column and view."""
+    def _all(self) -> Iterator[tuple[tuple[int, int], ResampledView]]:
+        """Yield all views, resampled a few at a time: (row, column) and view."""
         places = list(np.ndindex(self.views.rows, self.views.columns))
-        # Shared tables are made once, before the threads start.
-        self.resampler.prepare()
+        # What views share is computed before the threads start, and not by each of them.
+        _ = self._places, self._outside
         with ThreadPoolExecutor(_THREADS) as pool:
             for start in range(0, len(places), _THREADS):
                 some = places[start : start + _THREADS]
-                for (row, column), seen in zip(some, pool.map(lambda place: self._seen(*place), some), strict=True):
-                    yield row, column, seen
+                yield from zip(some, pool.map(lambda place: self._seen(*place), some), strict=True)
 
 
 def decode(
@@ -178,7 +171,7 @@ def decode(
     ------
     InputError : files are missing or broken, sizes differ, no grid is found, or numbers make no sense.
     """
-    names = {"raw": source_name(raw, "raw"), "white": source_name(white, "white"), "dark": source_name(dark, "dark")}
+    names = {kind: source_name(source, kind) for kind, source in (("raw", raw), ("white", white), ("dark", dark))}
     notes: list[str] = []
     picture = read_raw(raw, names["raw"], srgb)
     height, width = picture.shape[:2]

@@ -51,14 +51,10 @@ def middle_part(picture: NDArray[Any]) -> NDArray[Any]:
 def find_frequencies(part: NDArray[Any], bottom: float, top: float, name: str) -> Floats:
     """Find the two shortest frequencies (2, 2) of a grid, right and down (cycles a pixel).
 
-    Parameters
-    ----------
     bottom, top : values between which the picture is clipped.
     name : of the picture, with which messages begin.
 
-    Raises
-    ------
-    InputError : the picture is too small, or its spectrum has no peaks of a grid.
+    Raises InputError: the picture is too small, or its spectrum has no peaks of a grid.
     """
     from scipy.fft import fft2, fftshift
     from scipy.ndimage import maximum_filter, uniform_filter

@@ -9,6 +9,7 @@ Distances are those along the axis from the plane of the views, as of the AOV `d
 1 / distance, in which a step moves pixels by the same everywhere.
 """
 
+import itertools
 import math
 import os
 from collections.abc import Sequence
@@ -22,9 +23,15 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import extrapolate_unlit, require_lit, within_lens
-from raytracer.lightfield.depth.estimate import DepthContext, Estimate, FloatArray, ViewIndex
+from raytracer.lightfield.depth.estimate import (
+    DepthContext,
+    Estimate,
+    FloatArray,
+    ViewIndex,
+    median_spacing,
+    view_offsets,
+)
 from raytracer.lightfield.depth.plane_sweep import sweep_planes
-from raytracer.lightfield.depth.search_range import search_bounds, sweep_distances
 from raytracer.lightfield.depth.structure_tensor import measure_slopes
 from raytracer.util.errors import InputError
 from raytracer.util.progress import ProgressCounter, Update
@@ -32,14 +39,11 @@ from raytracer.util.progress import ProgressCounter, Update
 Method = Literal["focus", "slopes", "both"]
 METHODS: tuple[Method, ...] = ("focus", "slopes", "both")
 
-
 _MOST_VIEWS = 49
 """Most views that are compared: of larger arrays every second, third ... one, as noise is low enough with so many."""
 
-
 _SLOPES_WEIGHT, _DISAGREEMENT = 0.5, 0.5
 """Weight of the confidence of slopes beside that of focus, and factor of the confidence where both do not agree."""
-
 
 _FEWEST_OTHERS = 2
 """Other views that must have light at a pixel for its depth to be known: one alone agrees somewhere by chance."""
@@ -147,12 +151,7 @@ def _has_enough_views(field: LightField, others: Sequence[ViewIndex]) -> NDArray
 
 
 def reference_view(views: Views, row: int | None, column: int | None) -> ViewIndex:
-    """Return row and column of a view, the middle by default.
-
-    Raises
-    ------
-    InputError : there is no such view.
-    """
+    """Return row and column of a view, the middle by default; raise an InputError if there is no such view."""
     middle = views.nearest()
     chosen = middle[0] if row is None else row, middle[1] if column is None else column
     if not (0 <= chosen[0] < views.rows and 0 <= chosen[1] < views.columns):
@@ -170,12 +169,8 @@ def _select_views(views: Views, reference: ViewIndex) -> list[ViewIndex]:
     chosen_rows = {round(place) for place in np.linspace(0, views.rows - 1, rows)}
     chosen_columns = {round(place) for place in np.linspace(0, views.columns - 1, columns)}
     grid = within_lens(views)
-    return [
-        (row, column)
-        for row in sorted(chosen_rows)
-        for column in sorted(chosen_columns)
-        if grid[row, column] and (row, column) != reference
-    ]
+    chosen = itertools.product(sorted(chosen_rows), sorted(chosen_columns))
+    return [view for view in chosen if grid[view] and view != reference]
 
 
 def _fuse_estimates(focus: Estimate, slopes: Estimate, *, agreeing: float) -> Estimate:
@@ -192,3 +187,72 @@ def _fuse_estimates(focus: Estimate, slopes: Estimate, *, agreeing: float) -> Es
         np.where(agree & (weight > 0.0), mean, focus.inverse),
         np.where(agree, 1.0, _DISAGREEMENT) * focus.confidence,
     )
+
+
+_COARSE_STEP, _COARSE_REACH = 0.5, 8.0
+"""Coarse search: pixels between neighbouring views from plane to plane, and at most.  Light fields are called densely
+sampled below one or two."""
+
+_TAILS = 0.001
+"""Share of the pixels at each end of the distances of the coarse search that counts as outliers."""
+
+_NEIGHBOURS = 8
+"""Views next to the reference view with which the coarse search compares it."""
+
+_STEP = 1.0 / 3.0
+"""Pixels by which the outermost view moves from plane to plane: textures, and the parabola through three planes, are
+smooth over so little."""
+
+_MOST_PLANES = 192
+"""Most planes of a sweep; where views are so far apart that more were needed, planes are farther apart."""
+
+
+def search_bounds(
+    context: DepthContext, others: Sequence[ViewIndex], near: float | None, far: float | None
+) -> tuple[float, float]:
+    """Bound 1 / distance of what the reference view sees: as given, or by a coarse sweep with the nearest views.
+
+    Raises InputError: the distances given are not possible.
+    """
+    field, reference = context.field, context.reference
+    for name, distance in (("near", near), ("far", far)):
+        if distance is not None and not distance > 0.0:
+            raise InputError(f"{name} must be a distance greater than 0, got {distance:g}")
+    if near is not None and far is not None:
+        if not near < far:
+            raise InputError(f"near must be less than far, got {near:g} and {far:g}")
+        return 1.0 / far, 1.0 / near
+
+    # Nothing is beyond infinity, where distances are known at all.
+    views = field.views
+    scale = views.plane.pixel / median_spacing(views)
+    low = views.inverse_focus - _COARSE_REACH * scale
+    high = views.inverse_focus + _COARSE_REACH * scale
+    low = 1.0 / far if far is not None else max(0.0, low) if field.is_metric else low
+    high = 1.0 / near if near is not None else high
+    if not low < high:
+        raise InputError("near and far leave no distance at which views can be told from each other")
+
+    # Neighbours alone are rough evidence, but a pattern that repeats cannot mislead them.
+    away = np.array([np.hypot(*view_offsets(views, reference)[other]) for other in others])
+    order = np.argsort(away, kind="stable")[:_NEIGHBOURS]
+    neighbours = [others[number] for number in order]
+    count = max(3, math.ceil((high - low) / (_COARSE_STEP * scale)) + 1)
+    planes = np.linspace(low, high, count)
+    coarse = sweep_planes(context, neighbours, planes)
+    lit = field.lit(*reference)
+    known = np.ones(coarse.confidence.shape, dtype=bool) if lit is None else lit
+    confident = coarse.inverse[known & (coarse.confidence >= np.median(coarse.confidence[known]))]
+    step = planes[1] - planes[0]
+    least, most = np.quantile(confident, [_TAILS, 1.0 - _TAILS])
+    return max(low, least - step), min(high, most + step)
+
+
+def sweep_distances(
+    views: Views, reference: ViewIndex, others: Sequence[ViewIndex], bounds: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Space planes evenly in 1 / distance, such that no view moves by more than a step from one to the next."""
+    offsets = view_offsets(views, reference)
+    farthest = max(float(np.hypot(*offsets[other])) for other in others)
+    moved = (bounds[1] - bounds[0]) * farthest / views.plane.pixel
+    return np.linspace(*bounds, min(_MOST_PLANES, max(3, math.ceil(moved / _STEP) + 1)))

@@ -8,7 +8,7 @@ volume is smoothed along what looks alike in the reference view, by the guided f
 References: Kang, Szeliski, Chai 2001, "Handling Occlusions in Dense Multi-view Stereo"; Wang, Efros, Ramamoorthi 2015,
     "Occlusion-aware Depth Estimation Using Light-field Cameras"; Tao et al. 2013, "Depth from Combining Defocus and
     Correspondence Using Light-Field Cameras"; Hosni et al. 2013, "Fast Cost-Volume Filtering for Visual Correspondence
-    and Beyond".
+    and Beyond"; He, Sun, Tang 2010, "Guided Image Filtering".
 """
 
 import math
@@ -26,7 +26,6 @@ from raytracer.lightfield.depth.estimate import (
     median_spacing,
     view_offsets,
 )
-from raytracer.lightfield.depth.guided_filter import GuidedFilter
 from raytracer.lightfield.splines import Spline, sqrt_tone
 
 _BUDGET = 256 * 2**20
@@ -43,8 +42,6 @@ something else that hides the point, and their size is no evidence."""
 def sweep_planes(context: DepthContext, others: Sequence[ViewIndex], planes: NDArray[np.float64]) -> Estimate:
     """Find the plane at which views agree best, pixel by pixel, and between planes by a parabola.
 
-    Parameters
-    ----------
     others : views that are compared with the reference view.
     planes : 1 / distance of the planes (1/m), evenly spaced.
     """
@@ -83,8 +80,6 @@ def _mean(total: FloatArray, count: NDArray[np.integer]) -> FloatArray:
 class _CostVolume:
     """Differences of views from the reference view, by plane and half of the aperture.
 
-    Attributes
-    ----------
     planes : 1 / distance of the planes (1/m).
     cost : sums of the differences, (planes, halves, height, width).
     count : number of the views in these sums, of the same shape.
@@ -104,11 +99,8 @@ def _add_view(
     offset = view_offsets(views, context.reference)[other]
     # Places that are equal but for rounding are in both halves.
     exact = float(np.finfo(np.float32).eps) * median_spacing(views)
-    halves = [
-        half
-        for half, is_in in enumerate((offset[0] <= exact, offset[0] >= -exact, offset[1] <= exact, offset[1] >= -exact))
-        if is_in
-    ]
+    right, up = offset
+    halves = np.flatnonzero([right <= exact, right >= -exact, up <= exact, up >= -exact]).tolist()
     view, lit = lit_view(context.field, *other)
     spline = Spline(sqrt_tone(view))
 
@@ -164,3 +156,33 @@ class _RunningMinimum:
         mean = self._sum / self._count
         confidence = np.where(mean > 0.0, 1.0 - self._least / np.where(mean > 0.0, mean, 1.0), 0.0)
         return self._number + np.clip(between, -0.5, 0.5), confidence
+
+
+_REGULARIZATION = 0.02
+"""Squared contrast from which on an edge is kept, as a share of the picture's variance."""
+
+_RADIUS = 1
+"""Radius of the filter's boxes, in pixels."""
+
+
+class GuidedFilter:
+    """Guided filter, which averages within regions that look alike in its guide, and so preserves edges."""
+
+    def __init__(self, guide: FloatArray) -> None:
+        self._guide = guide
+        self._mean = self._box(guide)
+        self._variance = np.maximum(self._box(guide * guide) - self._mean**2, 0.0)
+        # Above 0, however flat the picture is.
+        self._regularization = max(_REGULARIZATION * float(guide.var()), np.finfo(np.float64).tiny)
+
+    def __call__(self, picture: FloatArray) -> FloatArray:
+        """Filter a picture (height, width)."""
+        mean = self._box(picture)
+        slope = (self._box(self._guide * picture) - self._mean * mean) / (self._variance + self._regularization)
+        return np.asarray(self._box(slope) * self._guide + self._box(mean - slope * self._mean))
+
+    def _box(self, picture: FloatArray) -> FloatArray:
+        """Average over boxes around each pixel."""
+        from scipy import ndimage
+
+        return np.asarray(ndimage.uniform_filter(picture, 2 * _RADIUS + 1, mode="nearest"))

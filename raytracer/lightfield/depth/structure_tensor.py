@@ -7,6 +7,7 @@ References: Wanner, Goldluecke 2014, "Variational Light Field Analysis for Dispa
     Diebold, Goldluecke 2013, "Epipolar Plane Image Refocusing for Improved Depth Estimation and Occlusion Handling".
 """
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -60,13 +61,9 @@ class _Slopes(NamedTuple):
 def measure_slopes(context: DepthContext, bounds: tuple[float, float]) -> Estimate:
     """Estimate depth from the directions of lines in the epipolar slices through a view, horizontal and vertical.
 
-    Parameters
-    ----------
     bounds : least and greatest 1 / distance (1/m).
 
-    Raises
-    ------
-    InputError : there are fewer than three views in the row and in the column.
+    Raises InputError: there are fewer than three views in the row and in the column.
     """
     field, reference = context.field, context.reference
     lines = [line for line in _lines(field.views, reference) if len(line) >= _FEWEST_IN_LINE]
@@ -123,18 +120,14 @@ def _slopes_along_line(context: DepthContext, line: list[ViewIndex], bounds: tup
         )
         slope, coherence, energy = _structure_tensor(volume, places / spacing, middle, 2 if is_row else 1)
         coherence = np.where(np.abs(slope) <= _MAX_SLOPE, coherence, 0.0)
+        context.counter.step()
         return _Slopes(shear - slope * scale, coherence, energy)
 
-    best: _Slopes | None = None
-    for shear in shears:
-        slopes = slopes_of_shear(float(shear))
-        context.counter.step()
-        if best is None:
-            best = slopes
-            continue
+    def better(best: _Slopes, slopes: _Slopes) -> _Slopes:
         is_better = slopes.coherence > best.coherence
-        best = _Slopes(*(np.where(is_better, new, old) for new, old in zip(slopes, best, strict=True)))
-    assert best is not None
+        return _Slopes(*(np.where(is_better, new, old) for new, old in zip(slopes, best, strict=True)))
+
+    best = functools.reduce(better, map(slopes_of_shear, shears.tolist()))
     near = np.abs(places / spacing) <= _NEAR_VIEWS
     lit = _lit_in_line(field, [index for index, is_near in zip(line, near, strict=True) if is_near])
     return best if lit is None else best._replace(coherence=np.where(lit, best.coherence, 0.0))

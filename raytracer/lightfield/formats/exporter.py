@@ -17,7 +17,7 @@ from raytracer.lightfield.formats.folders import NAMINGS, Naming, list_images
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 from raytracer.util.atomic_write import atomic_write, wrap_os_errors, write_bytes
 from raytracer.util.errors import InputError
-from raytracer.util.progress import Update
+from raytracer.util.progress import Update, report_progress
 
 
 class Exported(NamedTuple):
@@ -34,9 +34,7 @@ class Exported(NamedTuple):
 def check_export(field: LightField, folder: str | Path, naming: Naming, suffix: str = ".png") -> None:
     """Check, before anything is written, that views can be exported.
 
-    Raises
-    ------
-    InputError : the naming cannot tell the geometry, the format is not known, or the folder holds other views.
+    Raises InputError: the naming cannot tell the geometry, the format is not known, or the folder holds other views.
     """
     folder = Path(folder)
     if naming not in NAMINGS:
@@ -83,22 +81,18 @@ def export_views(
     views = field.views
     written: list[Path] = []
     bright = 0
-    for row, names in enumerate(_view_names(views, naming, suffix)):
-        for column, name in enumerate(names):
-            radiance = field.view(row, column)
-            image_file.save(Image(radiance), folder / name)
-            bright += int(np.count_nonzero(radiance > 1.0))
-            written.append(folder / name)
-            if update is not None:
-                update(len(written), views.rows * views.columns)
+    names = _view_names(views, naming, suffix)
+    for row, column in report_progress(list(np.ndindex(views.rows, views.columns)), update):
+        radiance = field.view(row, column)
+        written.append(folder / names[row][column])
+        image_file.save(Image(radiance), written[-1])
+        bright += int(np.count_nonzero(radiance > 1.0))
     if naming == "hci":
         written += _write_ground_truth(field, folder)
-    units = str(field.settings["units"]) if "units" in field.settings else None
-    write_bytes(folder / geometry.FILE, geometry.to_json(views, units))
+    write_bytes(folder / geometry.FILE, geometry.to_json(views, field.settings.get("units")))
     written.append(folder / geometry.FILE)
-    is_clipped = suffix in display_suffixes()
     values = views.rows * views.columns * views.height * views.width * 3
-    return Exported(written, bright / values if is_clipped else 0.0)
+    return Exported(written, bright / values if suffix in display_suffixes() else 0.0)
 
 
 def export_array(field: LightField, path: str | Path) -> list[Path]:
@@ -113,30 +107,25 @@ def export_array(field: LightField, path: str | Path) -> list[Path]:
     header = {"descr": dtype.str, "fortran_order": False, "shape": tuple(np.shape(field.radiance))}
     with atomic_write(path) as aside, wrap_os_errors(path), aside.open("wb") as file:
         np.lib.format.write_array_header_2_0(file, header)
-        for row in range(field.views.rows):
-            for column in range(field.views.columns):
-                file.write(np.ascontiguousarray(field.radiance[row, column], dtype=dtype).tobytes())
+        for view in np.ndindex(field.views.rows, field.views.columns):
+            file.write(np.ascontiguousarray(field.radiance[view], dtype=dtype).tobytes())
     beside = path.with_suffix(f".{geometry.FILE}")
-    units = str(field.settings["units"]) if "units" in field.settings else None
-    write_bytes(beside, geometry.to_json(field.views, units))
+    write_bytes(beside, geometry.to_json(field.views, field.settings.get("units")))
     return [path, beside]
 
 
 def _view_names(views: Views, naming: Naming, suffix: str) -> list[list[str]]:
     """Make the file names of all views, by row and column."""
-    if naming == "hci":
-        return [
-            [f"input_Cam{r * views.columns + c:03d}{suffix}" for c in range(views.columns)] for r in range(views.rows)
-        ]
-    if naming == "grid":
-        return [[f"view_{r:02d}_{c:02d}{suffix}" for c in range(views.columns)] for r in range(views.rows)]
-    return [
-        [
-            f"out_{r:02d}_{c:02d}_{-up / METRES_PER_MILLIMETRE:.6f}_{right / METRES_PER_MILLIMETRE:.6f}_{suffix}"
-            for c, (right, up) in enumerate(row)
-        ]
-        for r, row in enumerate(views.position.tolist())
-    ]
+
+    def name(row: int, column: int) -> str:
+        if naming == "hci":
+            return f"input_Cam{row * views.columns + column:03d}{suffix}"
+        if naming == "grid":
+            return f"view_{row:02d}_{column:02d}{suffix}"
+        right, up = views.position[row, column] / METRES_PER_MILLIMETRE
+        return f"out_{row:02d}_{column:02d}_{-up:.6f}_{right:.6f}_{suffix}"
+
+    return [[name(row, column) for column in range(views.columns)] for row in range(views.rows)]
 
 
 def _write_ground_truth(field: LightField, folder: Path) -> list[Path]:
@@ -146,8 +135,7 @@ def _write_ground_truth(field: LightField, folder: Path) -> list[Path]:
     middle = None
     number_in_middle = views.rows * views.columns // 2
     for number in range(views.rows * views.columns if hci.DEPTH_LAYER in field.layers else 0):
-        row, column = divmod(number, views.columns)
-        depth = np.asarray(field.layers[hci.DEPTH_LAYER][row, column], dtype=np.float64)
+        depth = np.asarray(field.layers[hci.DEPTH_LAYER][divmod(number, views.columns)], dtype=np.float64)
         if depth.ndim != 2 or not np.isfinite(depth).any():
             continue
         maps = {hci.DEPTH_LAYER: depth, hci.DISPARITY_MAP: hci.depth_to_disparity(depth, views, step)}

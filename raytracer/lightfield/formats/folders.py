@@ -51,14 +51,10 @@ class ViewFiles(NamedTuple):
 def find_views(folder: Path, rows: int | None, columns: int | None, flip: str = "") -> ViewFiles:
     """Find the views in a folder.
 
-    Parameters
-    ----------
     rows, columns : of the array, where names have one number only.
     flip : "x", "y" or both: axes along which the places in Stanford names run the other way (right to left; up).
 
-    Raises
-    ------
-    InputError : the folder cannot be read, holds no views, lacks one, or has two for the same place.
+    Raises InputError: the folder cannot be read, holds no views, lacks one, or has two for the same place.
     """
     try:
         paths = [
@@ -71,17 +67,11 @@ def find_views(folder: Path, rows: int | None, columns: int | None, flip: str = 
     if len(paths) > _MOST_VIEWS:
         raise InputError(f"{folder}: holds {len(paths)} images, more than can be views of a light field")
 
-    for pattern, naming in ((HCI, "hci"), (STANFORD, "stanford")):
-        named = {path: match for path in paths if (match := pattern.fullmatch(path.stem))}
-        if named:
-            return _find_hci(folder, named, rows, columns) if naming == "hci" else _find_stanford(folder, named, flip)
+    if named := {path: (int(match[1]),) for path in paths if (match := HCI.fullmatch(path.stem))}:
+        return _arrange_by_number(folder, _one_format(named), rows, columns, "hci")
+    if placed := {path: match for path in paths if (match := STANFORD.fullmatch(path.stem))}:
+        return _find_stanford(folder, placed, flip)
     return _find_grid(folder, paths, rows, columns)
-
-
-def _find_hci(folder: Path, named: Mapping[Path, re.Match[str]], rows: int | None, columns: int | None) -> ViewFiles:
-    """Arrange the views of the benchmark by their numbers."""
-    numbered = {path: (int(match[1]),) for path, match in named.items()}
-    return _arrange_by_number(folder, _one_format(numbered), rows, columns, "hci")
 
 
 def _find_stanford(folder: Path, named: Mapping[Path, re.Match[str]], flip: str) -> ViewFiles:

@@ -62,15 +62,13 @@ def regular_grid(rows: int, columns: int) -> NDArray[np.float64]:
 
 
 def make_views(
-    steps: NDArray[np.float64], width: int, height: int, known: KnownGeometry
+    path: Path, steps: NDArray[np.float64], width: int, height: int, known: KnownGeometry
 ) -> tuple[Views, dict[str, str]]:
     """Make the geometry of views at `steps` (steps of one view, right and up), and the settings that say its units.
 
     Without metres a distance `1 / w` is where what is seen moves by `w` pixels from view to view.
 
-    Raises
-    ------
-    ValueError : the lengths are so large or small that numbers do not hold the places of the views.
+    Raises InputError: the lengths of a file are so large or small that numbers do not hold the places of its views.
     """
     if known.spacing is None or known.focus_distance is None or known.pixel is None:
         return Views(steps, Plane(1.0, -0.5 * width, 0.5 * height), width, height), {"units": "views"}
@@ -78,10 +76,13 @@ def make_views(
     inverse = 0.0 if math.isinf(known.focus_distance) else 1.0 / known.focus_distance
     with np.errstate(over="ignore"):
         position = steps * np.array(known.spacing)
-    return Views(position, plane, width, height, inverse), {}
+    try:
+        return Views(position, plane, width, height, inverse), {}
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
-def to_json(views: Views, units: str | None) -> bytes:
+def to_json(views: Views, units: str | float | None) -> bytes:
     """Write a geometry as JSON (UTF-8)."""
     values: dict[str, Any] = {"width": views.width, "height": views.height, **views.plane._asdict()}
     values |= {name: getattr(views, name) for name in _NUMBERS}
@@ -92,16 +93,10 @@ def to_json(views: Views, units: str | None) -> bytes:
 
 
 def read(path: Path) -> tuple[Views, dict[str, str]]:
-    """Read a geometry from a JSON file, and the settings that say its units.
-
-    Raises
-    ------
-    InputError : the file cannot be read, or is no geometry.
-    """
+    """Read a geometry from a JSON file, and the settings that say its units; an InputError says that it is none."""
     try:
         values = json.loads(read_regular(path, _LARGEST))
-        pose = values.get("pose")
-        cell = values.get("cell")
+        pose, cell = values.get("pose"), values.get("cell")
         views = Views(
             position=np.array(values["position"], dtype=np.float64),
             plane=Plane(*(float(values[name]) for name in Plane._fields)),
@@ -111,7 +106,7 @@ def read(path: Path) -> tuple[Views, dict[str, str]]:
             cell=None if cell is None else (float(cell[0]), float(cell[1])),
             aperture=None if "aperture" not in values else float(values["aperture"]),
             focal_length=None if "focal_length" not in values else float(values["focal_length"]),
-            pose=None if pose is None else Pose(*(_triple(pose[name]) for name in Pose._fields)),
+            pose=None if pose is None else Pose.of(pose[name] for name in Pose._fields),
         )
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
@@ -120,8 +115,3 @@ def read(path: Path) -> tuple[Views, dict[str, str]]:
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
         raise InputError(f"{path}: is no geometry of a light field, or a broken one") from error
     return views, {"units": "views"} if values.get("units") == "views" else {}
-
-
-def _triple(numbers: Any) -> tuple[float, float, float]:
-    x, y, z = map(float, numbers)
-    return x, y, z

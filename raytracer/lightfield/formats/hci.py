@@ -41,7 +41,9 @@ _SENSOR_MM = 35.0
 _PINHOLE = 100.0
 """The f-number that the benchmark's scenes have, whose views are sharp throughout."""
 
-_NO_POSE = {f"center_cam_{name}": "0.0" for name in ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")}
+_POSE_KEYS = tuple(f"center_cam_{name}" for name in ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad"))
+
+_NO_POSE = dict.fromkeys(_POSE_KEYS, "0.0")
 """Pose written where none is known, since the benchmark's readers require one."""
 
 
@@ -51,7 +53,6 @@ class HciParameters(NamedTuple):
     rows, columns : number of views.
     width, height : pixels of a view.
     known : geometry of the views.
-    focal_length : of the lens (mm).
     pose : of the view in the middle; None if the file has none.
     """
 
@@ -60,17 +61,11 @@ class HciParameters(NamedTuple):
     width: int
     height: int
     known: KnownGeometry
-    focal_length: float
     pose: Pose | None
 
 
 def read(path: Path) -> HciParameters:
-    """Read a `parameters.cfg`.
-
-    Raises
-    ------
-    InputError : it cannot be read, or lacks a key that is needed, or a number makes no sense.
-    """
+    """Read a `parameters.cfg`; an InputError says what is missing, or what number makes no sense."""
     parser = configparser.ConfigParser(interpolation=None)
     try:
         parser.read_string(read_regular(path, _LARGEST).decode("utf-8"))
@@ -107,17 +102,15 @@ def read(path: Path) -> HciParameters:
     distance = positive("extrinsics", "focus_distance_m")
     if not math.isfinite(pixel + spacing + 1.0 / distance) or pixel == 0.0:
         raise InputError(f"{path}: its lengths must be finite, and none so small that nothing is left of it")
-    names = [*(f"center_cam_{axis}_m" for axis in "xyz"), *(f"center_cam_r{axis}_rad" for axis in "xyz")]
     pose = None
-    if all(parser.has_option("extrinsics", name) for name in names):
-        pose = _pose([number("extrinsics", name) for name in names])
+    if all(parser.has_option("extrinsics", name) for name in _POSE_KEYS):
+        pose = _pose([number("extrinsics", name) for name in _POSE_KEYS])
     return HciParameters(
         rows=count("extrinsics", "num_cams_y"),
         columns=count("extrinsics", "num_cams_x"),
         width=width,
         height=height,
         known=KnownGeometry((spacing, spacing), distance, pixel),
-        focal_length=focal_length,
         pose=pose,
     )
 
@@ -131,22 +124,14 @@ def _pose(numbers: list[float]) -> Pose | None:
 
     if not all(map(math.isfinite, numbers)):
         return None
-    right, up, backward = Rotation.from_euler("xyz", numbers[3:]).as_matrix().T.tolist()
-    x, y, z = numbers[:3]
-    return Pose((x, y, z), _triple(right), _triple(up), _triple([-part for part in backward]))
-
-
-def _triple(numbers: list[float]) -> tuple[float, float, float]:
-    x, y, z = numbers
-    return x, y, z
+    right, up, backward = Rotation.from_euler("xyz", numbers[3:]).as_matrix().T
+    return Pose.of([numbers[:3], right, up, -backward])
 
 
 def grid_spacing(views: Views) -> float:
     """Measure the distance from view to view (m) of a regular grid, the same to the right and down.
 
-    Raises
-    ------
-    ValueError : they are on no such grid, or look past the middle of their images.
+    Raises ValueError: they are on no such grid, or look past the middle of their images.
     """
     rows, columns = views.rows, views.columns
     wide = float(np.ptp(views.position[..., 0])) / max(columns - 1, 1)
@@ -165,19 +150,20 @@ def grid_spacing(views: Views) -> float:
 def to_cfg(views: Views, name: str, disparity: NDArray[np.float64] | None) -> bytes:
     """Write a `parameters.cfg` (UTF-8), with all keys that the benchmark's own readers require.
 
-    Parameters
-    ----------
     disparity : of the view in the middle (pixels from view to view), for the range that is noted; None if not known.
     """
     longer = max(views.width, views.height)
     focal_length = views.focal_length or _SENSOR_MM / (views.plane.pixel * longer)
+    # A view's f-number is that of the disc as large as its cell.
+    diameter = 0.0 if views.cell is None else 2.0 * math.sqrt(views.cell[0] * views.cell[1] / math.pi)
+    f_number = focal_length * METRES_PER_MILLIMETRE / diameter if diameter > 0.0 else _PINHOLE
     parser = configparser.ConfigParser(interpolation=None)
     parser["intrinsics"] = {
         "focal_length_mm": repr(focal_length),
         "image_resolution_x_px": str(views.width),
         "image_resolution_y_px": str(views.height),
         "sensor_size_mm": repr(views.plane.pixel * longer * focal_length),
-        "fstop": repr(_f_number(views, focal_length)),
+        "fstop": repr(f_number),
     }
     parser["extrinsics"] = {
         "num_cams_x": str(views.columns),
@@ -203,14 +189,6 @@ def to_cfg(views: Views, name: str, disparity: NDArray[np.float64] | None) -> by
     return buffer.getvalue().encode()
 
 
-def _f_number(views: Views, focal_length: float) -> float:
-    """Compute the f-number of one view: that of the disc as large as its cell."""
-    if views.cell is None:
-        return _PINHOLE
-    diameter = 2.0 * math.sqrt(views.cell[0] * views.cell[1] / math.pi)
-    return focal_length * METRES_PER_MILLIMETRE / diameter if diameter > 0.0 else _PINHOLE
-
-
 def _pose_keys(pose: Pose | None) -> dict[str, str]:
     """Convert a pose to the keys of the file; zeros if there is none, or it is mirrored."""
     from scipy.spatial.transform import Rotation
@@ -222,8 +200,7 @@ def _pose_keys(pose: Pose | None) -> dict[str, str]:
     if np.linalg.det(axes) <= 0.0:
         return _NO_POSE
     angles = Rotation.from_matrix(axes).as_euler("xyz")
-    places = {f"center_cam_{axis}_m": repr(float(value)) for axis, value in zip("xyz", pose.origin, strict=True)}
-    return places | {f"center_cam_r{axis}_rad": repr(float(a)) for axis, a in zip("xyz", angles, strict=True)}
+    return {key: repr(float(value)) for key, value in zip(_POSE_KEYS, (*pose.origin, *angles), strict=True)}
 
 
 def depth_to_disparity(depth: NDArray[np.float64], views: Views, step: float) -> NDArray[np.float64]:

@@ -1,24 +1,28 @@
-"""Import of light fields of other programs: folders of views, arrays, and pictures that show all views."""
+"""Import of light fields of other programs: folders of views, arrays, and pictures that show all views.
+
+Views are read from their files as they are asked for.
+"""
 
 import contextlib
 import dataclasses
-from collections.abc import Sequence
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film import image_file
+from raytracer.film import image_file, srgb
 from raytracer.film.formats import pfm
 from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.lazy_array import LazyArray
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.formats import folders, geometry, hci
 from raytracer.lightfield.formats.folders import ViewFiles, list_images
 from raytracer.lightfield.formats.geometry import KnownGeometry, ViewOptics
-from raytracer.lightfield.formats.lazy_views import LazyNpy, LazyPictures, PartialLayer, split_montage
 from raytracer.util.errors import InputError
-from raytracer.util.safe_open import read_regular
+from raytracer.util.safe_open import BrokenFileError, open_regular, read_npy_header, read_regular
 
 _NPY = ".npy"
 
@@ -91,14 +95,14 @@ def import_views(
     settings = {"naming": files.naming}
     if has_options:
         known = _known_geometry(path, spacing, focus_distance, view_optics.pixel(width, height), files.is_placed)
-        views, units = _place_views(path, files.steps, width, height, known)
+        views, units = geometry.make_views(path, files.steps, width, height, known)
     elif beside.exists():
         views, units = geometry.read(beside)
         _check_same_size(beside, views, radiance.shape)
     elif parameters is not None:
         views, units = _hci_views(path / hci.FILE, parameters, radiance.shape), {}
     else:
-        views, units = _place_views(path, files.steps, width, height, KnownGeometry())
+        views, units = geometry.make_views(path, files.steps, width, height, KnownGeometry())
     if files.naming == "hci" and not units:
         layers = _ground_truth_layers(path, views)
     return LightField(radiance, views, layers, settings={**settings, **units})
@@ -121,16 +125,13 @@ def _known_geometry(
     is_placed: bool,
 ) -> KnownGeometry:
     """Gather the geometry that options give, and refuse one that is not complete."""
-    missing = [
-        name
-        for name, value in (
-            ("--spacing", spacing),
-            ("--focus-distance (inf for parallel views)", distance),
-            ("--vfov, or --focal-length with --sensor", pixel),
-        )
-        if value is None
-    ]
     if spacing is None or distance is None or pixel is None:
+        given = {
+            "--spacing": spacing,
+            "--focus-distance (inf for parallel views)": distance,
+            "--vfov, or --focal-length with --sensor": pixel,
+        }
+        missing = [name for name, value in given.items() if value is None]
         raise InputError(
             f"{path}: metres need also {' and '.join(missing)}; without any of them, places are in steps of one view"
         )
@@ -162,23 +163,12 @@ def _hci_views(path: Path, stated: hci.HciParameters, shape: Sequence[int]) -> V
     if (stated.height, stated.width) != tuple(shape[2:4]):
         height, width = shape[2:4]
         raise InputError(f"{path}: says {stated.width} x {stated.height} pixels a view; they have {width} x {height}")
-    views, _ = _place_views(
-        path, geometry.regular_grid(stated.rows, stated.columns), stated.width, stated.height, stated.known
-    )
+    steps = geometry.regular_grid(stated.rows, stated.columns)
+    views, _ = geometry.make_views(path, steps, stated.width, stated.height, stated.known)
     return dataclasses.replace(views, pose=stated.pose)
 
 
-def _place_views(
-    path: Path, steps: NDArray[np.float64], width: int, height: int, known: KnownGeometry
-) -> tuple[Views, dict[str, str]]:
-    """Make the geometry of views at `steps`; errors name the file."""
-    try:
-        return geometry.make_views(steps, width, height, known)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
-
-
-def _ground_truth_layers(folder: Path, views: Views) -> dict[str, PartialLayer]:
+def _ground_truth_layers(folder: Path, views: Views) -> "dict[str, PartialLayer]":
     """Read the benchmark's ground truth as the layer `depth`, nan in views without any; no layer if there is none."""
     step: float | None = None
     # Between views that are on no grid disparities say nothing.
@@ -216,3 +206,107 @@ def _read_map(path: Path, views: Views) -> NDArray[np.float64]:
             f"{path}: must be of {views.width} x {views.height} pixels as the views are, is {values.shape}"
         )
     return values
+
+
+_CHANNELS = 3
+
+
+class LazyPictures(LazyArray):
+    """Array of views in one picture file each, (rows, columns, height, width, 3) in linear light.
+
+    Raises InputError, when one is read: a file is broken, or of another size than the first.
+    """
+
+    def __init__(self, files: list[list[Path]]) -> None:
+        self._files = files
+        self._last: tuple[Path, NDArray[np.float64]] = (files[0][0], image_file.load(files[0][0]))
+        height, width = self._last[1].shape[:2]
+        super().__init__((len(files), len(files[0]), height, width, _CHANNELS), np.dtype(np.float64))
+
+    def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
+        rows, columns, *within = ahead
+        views = [[self._view(path)[tuple(within)] for path in row[columns]] for row in self._files[rows]]
+        sizes = [len(range(size)[part]) for part, size in zip(ahead, self.shape, strict=True)]
+        return np.array(views, dtype=self.dtype).reshape(sizes)
+
+    def _view(self, path: Path) -> NDArray[np.float64]:
+        if path == self._last[0]:
+            return self._last[1]
+        picture = image_file.load(path)
+        if picture.shape[:2] != self.shape[2:4]:
+            height, width = picture.shape[:2]
+            first = f"{self.shape[3]} x {self.shape[2]} as {self._files[0][0].name} is"
+            raise InputError(f"{path}: is of {width} x {height} pixels, and must be {first}: views are of one size")
+        self._last = (path, picture)
+        return picture
+
+
+class LazyNpy(LazyArray):
+    """Array of views in a .npy file, (rows, columns, height, width) and 3 or 1 channels, or none, mapped into memory.
+
+    Integers are taken for display values (sRGB), floating-point numbers for linear light.
+
+    Raises InputError: the file is missing, truncated, or holds something else.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            with open_regular(path, sys.maxsize) as file:
+                header = read_npy_header(file)
+        except FileNotFoundError as error:
+            raise InputError(f"{path}: no such file") from error
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror}") from error
+        except BrokenFileError as error:
+            raise InputError(f"{path}: is truncated, or no .npy file of numbers") from error
+        shape, dtype = header.shape, header.dtype
+        is_known = dtype.kind == "f" or (dtype.kind == "u" and dtype.itemsize <= 2)
+        if len(shape) not in (4, 5) or 0 in shape or shape[4:] not in ((), (1,), (_CHANNELS,)) or not is_known:
+            wanted = "(rows, columns, height, width, 3) of floating-point numbers, or uint8 or uint16"
+            raise InputError(f"{path}: must be {wanted}; it is {shape} of {dtype}")
+        order: Literal["F", "C"] = "F" if header.is_fortran else "C"
+        self._array = np.memmap(path, dtype, "r", header.start, shape, order)
+        super().__init__((*shape[:4], _CHANNELS), np.dtype(np.float64))
+
+    def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
+        values = np.asarray(self._array[ahead[: min(4, self._array.ndim)]])
+        if self._array.ndim == len(ahead) - 1:
+            values = values[..., None]
+        if values.dtype.kind == "u":
+            values = srgb.decode(values / np.iinfo(values.dtype).max)
+        colours = np.broadcast_to(values.astype(np.float64), (*values.shape[:4], _CHANNELS))
+        return np.asarray(colours[..., ahead[4]])
+
+
+class PartialLayer(LazyArray):
+    """Layer that is known of some views, by row and column, (rows, columns, height, width); nan in all others."""
+
+    def __init__(self, known: Mapping[tuple[int, int], NDArray[np.float64]], shape: tuple[int, int, int, int]) -> None:
+        self._known = known
+        super().__init__(shape, np.dtype(np.float64))
+
+    def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
+        rows, columns, *within = (range(size)[part] for part, size in zip(ahead, self.shape, strict=True))
+        layer = np.full([len(rows), len(columns), *map(len, within)], np.nan)
+        for (row, column), values in self._known.items():
+            if row in rows and column in columns:
+                layer[rows.index(row), columns.index(column)] = values[ahead[2:]]
+        return layer
+
+
+def split_montage(path: Path, rows: int, columns: int, *, interleaved: bool) -> NDArray[np.float64]:
+    """Split one picture that shows all views into these, (rows, columns, height, width, 3).
+
+    interleaved : True if pixels of all views lie beside each other, as under microlenses (ESLF); else views do.
+
+    Raises InputError: the picture cannot be read, or does not divide into so many views.
+    """
+    picture = image_file.load(path)
+    height, width = picture.shape[:2]
+    if height % rows or width % columns:
+        raise InputError(
+            f"{path}: {width} x {height} pixels do not divide into {columns} columns and {rows} rows of views"
+        )
+    if interleaved:
+        return picture.reshape(height // rows, rows, width // columns, columns, _CHANNELS).transpose(1, 3, 0, 2, 4)
+    return picture.reshape(rows, height // rows, columns, width // columns, _CHANNELS).swapaxes(1, 2)

@@ -64,10 +64,7 @@ class FourierRefocuser:
     """
 
     def __init__(
-        self,
-        field: LightField,
-        inverses: Sequence[float] | None = None,
-        weights: NDArray[np.float64] | None = None,
+        self, field: LightField, inverses: Sequence[float] | None = None, weights: NDArray[np.float64] | None = None
     ) -> None:
         from scipy import fft
 
@@ -103,12 +100,7 @@ class FourierRefocuser:
             self._spectrum[:, rows] = np.moveaxis(transformed, 3, 1)
 
     def picture(self, inverse: float) -> NDArray[np.float64]:
-        """Focus at one over `inverse` (1/m): float64 (height, width, 3).
-
-        Raises
-        ------
-        InputError : it is outside the range that this was made for.
-        """
+        """Focus at one over `inverse` (1/m), within the range that this was made for: float64 (height, width, 3)."""
         from scipy import fft
 
         if not self._least <= inverse <= self._most:
@@ -140,8 +132,6 @@ class FourierRefocuser:
 class _Axis:
     """One axis of the views, transformed: the kernel by which its spectrum is interpolated.
 
-    Attributes
-    ----------
     size : number of frequencies.
     middle : the view that shifts are counted from.
     deapodization : (views,), weights of the views, one over the kernel's transform.

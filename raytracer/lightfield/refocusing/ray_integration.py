@@ -9,8 +9,7 @@ from raytracer.film.light_field.field import Rays
 from raytracer.film.light_field.focusing import FocusPlane
 from raytracer.film.light_field.views import Views
 from raytracer.film.window import Window
-from raytracer.lightfield.refocusing.aperture import RefocusAperture
-from raytracer.lightfield.synthetic_aperture import cell_weights, opening_transmission
+from raytracer.lightfield.synthetic_aperture import RefocusAperture, cell_weights, opening_transmission
 from raytracer.util.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -27,9 +26,7 @@ def integrate_rays(
     Returns both, float64, (height, width, 3) and (height, width) of the window.  A pixel is the mean of the rays
     that come to it from the plane, through the opening; black where none does.
 
-    Raises
-    ------
-    InputError : `scale` is not above 0, or the opening is wider than the lens.
+    Raises InputError: `scale` is not above 0, or the opening is wider than the lens.
     """
     if not 0.0 < scale < math.inf:
         raise InputError(f"scale must be greater than 0 and finite, got {scale:g}")

@@ -19,12 +19,9 @@ from raytracer.film.image import Image
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.focusing import FocusPlane, alpha_to_inverse_distance, slope_to_inverse_distance
 from raytracer.film.window import Window, crop_window
-from raytracer.lightfield.refocusing.aperture import RefocusAperture, make_aperture
-from raytracer.lightfield.refocusing.pixel_interpolation import INTERPOLATIONS, Interpolation
 from raytracer.lightfield.refocusing.ray_integration import integrate_rays
-from raytracer.lightfield.refocusing.shift_and_sum import shift_and_sum
-from raytracer.lightfield.refocusing.tilted_plane import warp_and_sum
-from raytracer.lightfield.synthetic_aperture import cell_weights
+from raytracer.lightfield.refocusing.shift_and_sum import INTERPOLATIONS, Interpolation, shift_and_sum, warp_and_sum
+from raytracer.lightfield.synthetic_aperture import RefocusAperture, cell_weights, make_aperture
 from raytracer.plugins.apertures.base.interface import ApertureSpec
 from raytracer.util.errors import InputError
 from raytracer.util.progress import Update, report_progress
@@ -110,8 +107,7 @@ def refocus(
     InputError : the light field, or the method, cannot do what the options ask for.
     """
     settings = _Settings(**options)
-    plane = _focus_plane(_inverse_distance(field, distance, alpha, slope), settings.tilt, settings.swing)
-    return _refocus_planes(field, [plane], settings)[0]
+    return _refocus_planes(field, [_inverse_distance(field, distance, alpha, slope)], settings)[0]
 
 
 def focal_stack(
@@ -132,11 +128,7 @@ def focal_stack(
     settings = _Settings(**options)
     inverses = [_inverse_distance(field, distance, None, None) for distance in distances]
     inverses += [_inverse_distance(field, None, None, slope) for slope in slopes]
-    planes = [_focus_plane(inverse, settings.tilt, settings.swing) for inverse in inverses]
-    return _refocus_planes(field, planes, settings)
-
-
-# ---- The plane of focus
+    return _refocus_planes(field, inverses, settings)
 
 
 def _inverse_distance(field: LightField, distance: float | None, alpha: float | None, slope: float | None) -> float:
@@ -172,11 +164,9 @@ def _focus_plane(inverse: float, tilt: float, swing: float) -> FocusPlane:
     return FocusPlane(inverse, -inverse * math.tan(math.radians(swing)), -inverse * math.tan(math.radians(tilt)))
 
 
-# ---- Pictures
-
-
-def _refocus_planes(field: LightField, planes: list[FocusPlane], settings: _Settings) -> list[Image]:
-    """Focus on each plane, by the method of the settings."""
+def _refocus_planes(field: LightField, inverses: list[float], settings: _Settings) -> list[Image]:
+    """Focus at one over each of `inverses` (1/m), by the method of the settings."""
+    planes = [_focus_plane(inverse, settings.tilt, settings.swing) for inverse in inverses]
     aperture = make_aperture(
         field.views, settings.f_number, settings.aperture, settings.aperture_shape, settings.center
     )

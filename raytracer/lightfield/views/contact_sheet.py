@@ -33,18 +33,13 @@ def montage(field: LightField, *, width: int | None = None, gap: int = 2) -> Flo
     view_width = math.inf if width is None else (width - gap * (views.columns - 1)) / views.columns
     if view_width < 1.0:
         raise InputError(f"a picture {width} pixels wide has no room for {views.columns} views in a row")
-    factor = max(1, math.ceil(views.width / view_width))
-    factor = min(factor, views.width, views.height)
+    factor = min(max(1, math.ceil(views.width / view_width)), views.width, views.height)
     small = views.height // factor, views.width // factor
-    whole = np.ones(
-        (views.rows * (small[0] + gap) - gap, views.columns * (small[1] + gap) - gap, 3),
-    )
+    whole = np.ones((views.rows * (small[0] + gap) - gap, views.columns * (small[1] + gap) - gap, 3))
     lit = lit_views(field)
-    for row in range(views.rows):
-        for column in range(views.columns):
-            view = field.view(row, column)[: small[0] * factor, : small[1] * factor]
-            view = view.reshape(small[0], factor, small[1], factor, 3).mean(axis=(1, 3))
-            view = view if lit[row, column] else np.full_like(view, _UNLIT)
-            top, left = row * (small[0] + gap), column * (small[1] + gap)
-            whole[top : top + small[0], left : left + small[1]] = view
+    for row, column in np.ndindex(views.rows, views.columns):
+        view = field.view(row, column)[: small[0] * factor, : small[1] * factor]
+        view = view.reshape(small[0], factor, small[1], factor, 3).mean(axis=(1, 3))
+        top, left = row * (small[0] + gap), column * (small[1] + gap)
+        whole[top : top + small[0], left : left + small[1]] = view if lit[row, column] else _UNLIT
     return whole

@@ -4,6 +4,7 @@ References: Gortler et al. 1996, "The Lumigraph", sec. 3.4 (views between others
     Buehler et al. 2001, "Unstructured Lumigraph Rendering".
 """
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -41,21 +42,13 @@ def view_weights(views: Views, right: float, up: float) -> list[ViewWeight]:
     place = np.array([right, up])
     grid = within_lens(views)
     columns, rows = views.position[0, :, 0], views.position[:, 0, 1]
-    is_regular = (
-        bool(grid.all())
-        and bool(np.all(views.position[..., 0] == columns) and np.all(views.position[..., 1] == rows[:, None]))
-        and bool(np.all(np.diff(columns) > 0.0) and np.all(np.diff(rows) < 0.0))
-    )
-    if is_regular:
-        column, row = _linear_weights(columns, right), _linear_weights(-rows, -up)
-        shares = [
-            ViewWeight(r, c, weight_r * weight_c)
-            for r, weight_r in row
-            for c, weight_c in column
-            if weight_r * weight_c > _LEAST_WEIGHT
-        ]
+    is_aligned = (views.position[..., 0] == columns) & (views.position[..., 1] == rows[:, None])
+    if (grid & is_aligned).all() and (np.diff(columns) > 0.0).all() and (np.diff(rows) < 0.0).all():
+        pairs = itertools.product(_linear_weights(-rows, -up), _linear_weights(columns, right))
+        shares = [ViewWeight(r, c, weight_r * weight_c) for (r, weight_r), (c, weight_c) in pairs]
     else:
         shares = _triangle_weights(views.position, grid, place)
+    shares = [share for share in shares if share.weight > _LEAST_WEIGHT]
     total = sum(share.weight for share in shares)
     return [share._replace(weight=share.weight / total) for share in shares]
 
@@ -86,24 +79,17 @@ def _triangle_weights(
         number = -1
     if number < 0:
         nearest = int(np.hypot(*(places - place).T).argmin())
-        return [ViewWeight(int(indices[nearest][0]), int(indices[nearest][1]), 1.0)]
+        row, column = indices[nearest].tolist()
+        return [ViewWeight(row, column, 1.0)]
     transform = mesh.transform[number]
     two = transform[:2] @ (place - transform[2])
     weights = [float(two[0]), float(two[1]), float(1.0 - two.sum())]
-    return [
-        ViewWeight(int(indices[corner][0]), int(indices[corner][1]), weight)
-        for corner, weight in zip(mesh.simplices[number], weights, strict=True)
-        if weight > _LEAST_WEIGHT
-    ]
+    corners = indices[mesh.simplices[number]].tolist()
+    return [ViewWeight(row, column, weight) for (row, column), weight in zip(corners, weights, strict=True)]
 
 
 def view_at(
-    field: LightField,
-    right: float,
-    up: float,
-    *,
-    depth: Depth | None = None,
-    distance: float | None = None,
+    field: LightField, right: float, up: float, *, depth: Depth | None = None, distance: float | None = None
 ) -> FloatArray:
     """Render the view of a pinhole at a place in the plane of the views, float64 (height, width, 3).
 
@@ -124,13 +110,12 @@ def view_at(
     place = sum(share.weight * views.position[share.row, share.column] for share in around)
     inverse = views.inverse_focus if distance is None else 1.0 / distance
     if depth is None:
-        return sum(
-            share.weight
-            * Spline(lit_view(field, share.row, share.column)[0]).shifted(
-                *_shift(views, views.position[share.row, share.column] - place, inverse)
-            )[0]
-            for share in around
-        )  # type: ignore[return-value]
+        blended = np.zeros((views.height, views.width, 3))
+        for share in around:
+            right_of, down_of = pixel_shifts(views, views.position[share.row, share.column] - place, inverse)
+            view = Spline(lit_view(field, share.row, share.column)[0])
+            blended += share.weight * view.shifted(float(right_of), float(down_of))[0]
+        return blended
 
     here = reproject_depth(depth, views, place)
     total, weight = np.zeros((views.height, views.width, 3)), np.zeros((views.height, views.width, 1))
@@ -149,16 +134,12 @@ def view_at(
     return np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), plain)
 
 
-def pixel_shifts(views: Views, offset: NDArray[np.float64], inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+def pixel_shifts(
+    views: Views, offset: NDArray[np.float64], inverse: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
     """Compute the pixels, right and down, by which points at 1 / distance move in a view `offset` (m) away."""
-    moved = (views.inverse_focus - inverse) / views.plane.pixel
+    moved = (views.inverse_focus - np.asarray(inverse)) / views.plane.pixel
     return offset[0] * moved, -offset[1] * moved
-
-
-def _shift(views: Views, offset: NDArray[np.float64], inverse: float) -> tuple[float, float]:
-    """Compute the shift of a whole view, for a plane at one distance; see `pixel_shifts`."""
-    right, down = pixel_shifts(views, offset, np.asarray(inverse))
-    return float(right), float(down)
 
 
 def _places(right: FloatArray, down: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -191,11 +172,10 @@ def reproject_depth(depth: Depth, views: Views, place: NDArray[np.float64]) -> F
     rows, columns = _places(right, down)
     moved = np.full((height, width), -np.inf)
     # All pixels that a moved one covers in part.
-    for floor_row in (np.floor(rows), np.ceil(rows)):
-        for floor_column in (np.floor(columns), np.ceil(columns)):
-            r, c = floor_row.astype(np.int64), floor_column.astype(np.int64)
-            is_in = (r >= 0) & (r < height) & (c >= 0) & (c < width)
-            np.maximum.at(moved, (r[is_in], c[is_in]), inverse[is_in])
+    for round_row, round_column in itertools.product((np.floor, np.ceil), repeat=2):
+        r, c = round_row(rows).astype(np.int64), round_column(columns).astype(np.int64)
+        is_in = (r >= 0) & (r < height) & (c >= 0) & (c < width)
+        np.maximum.at(moved, (r[is_in], c[is_in]), inverse[is_in])
     missing = np.isneginf(moved)
     while missing.any() and not missing.all():
         grown = ndimage.minimum_filter(np.where(missing, np.inf, moved), 3, mode="nearest")

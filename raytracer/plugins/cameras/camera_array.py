@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from raytracer.film.light_field.mosaic import Mosaic
+from raytracer.film.light_field.layout import Mosaic
 from raytracer.plugins.apertures.base.polygon import pack_rectangle
 from raytracer.plugins.cameras.base import views
 from raytracer.plugins.cameras.base.ideal import IdealLensSpec

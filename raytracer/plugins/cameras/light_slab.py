@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from raytracer.film.light_field.mosaic import Mosaic
+from raytracer.film.light_field.layout import Mosaic
 from raytracer.optics.thin_lens import field_of_view
 from raytracer.plugins.apertures.base.polygon import pack_rectangle
 from raytracer.plugins.cameras.base import views

@@ -5,9 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.film.formats.base.image_format import ImageFormat
-from raytracer.film.formats.base.limits import wrap_decode_errors
-from raytracer.film.formats.base.stored_image import StoredImage, to_single
+from raytracer.film.formats.base.image_format import ImageFormat, StoredImage, to_single, wrap_decode_errors
 from raytracer.film.formats.registry import image_formats, texture_suffixes
 from raytracer.scene.assets.gltf import read_image_bytes
 from raytracer.util.safe_open import BrokenFileError, check_suffix, name_read_errors, read_regular

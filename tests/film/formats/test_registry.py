@@ -58,7 +58,7 @@ PROGRAM = """
     from raytracer.analysis.compare import compare
     from raytracer.analysis.sweep.output_layout import normalize_formats
     from raytracer.cli.base.app import main
-    from raytracer.cli.lightfield.base.files import check_outputs
+    from raytracer.cli.lightfield.base import check_outputs
     from raytracer.cli.lightfield.depth import _encode_confidence
     from raytracer.film import animation, image_file
     from raytracer.film.formats.registry import animation_suffixes, image_formats, map_suffixes

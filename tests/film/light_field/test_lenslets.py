@@ -8,9 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.film.image import Image
-from raytracer.film.light_field.disc_coverage import disc_coverage
 from raytracer.film.light_field.lattice import Lattice
-from raytracer.film.light_field.lenslets import Lenslets
+from raytracer.film.light_field.lenslets import Lenslets, disc_coverage
 from raytracer.film.light_field.views import Views
 
 ROW = math.sqrt(3.0) / 2.0

@@ -9,7 +9,7 @@ import OpenEXR
 import PIL.Image
 
 from raytracer.film.formats import hdr
-from raytracer.film.formats.base.limits import MAX_PIXELS
+from raytracer.film.formats.base.image_format import MAX_PIXELS
 from raytracer.scene.assets.images import decode_image
 from raytracer.util.errors import InputError
 from tests.fuzz.targets._parts import npy, with_header, with_sums

@@ -7,7 +7,7 @@ import numpy as np
 
 from raytracer.film import load, load_layers
 from raytracer.film.formats import hdr
-from raytracer.film.formats.base.limits import MAX_PIXELS
+from raytracer.film.formats.base.image_format import MAX_PIXELS
 from raytracer.film.formats.registry import display_suffixes, image_suffixes
 from raytracer.film.image_file import load_encoded
 from tests.fuzz.targets import image as images

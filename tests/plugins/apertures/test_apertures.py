@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
 from raytracer.core.sampling import warp
-from raytracer.film.formats.base.stored_image import StoredImage
+from raytracer.film.formats.base.image_format import StoredImage
 from raytracer.plugins.apertures.base.interface import ApertureSpec
 from raytracer.schema.registry import APERTURES
 from raytracer.schema.spec import Spec

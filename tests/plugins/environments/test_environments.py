@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.film.formats.base.stored_image import StoredImage
+from raytracer.film.formats.base.image_format import StoredImage
 from raytracer.schema.registry import ENVIRONMENTS
 from tests.plugins.environments.kernels import seen
 from tests.small_scenes import image

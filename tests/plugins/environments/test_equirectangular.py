@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.film.formats.base.stored_image import StoredImage
+from raytracer.film.formats.base.image_format import StoredImage
 from raytracer.plugins.environments.base.equirectangular import equirectangular
 from raytracer.scene.pack.scene import pack
 from raytracer.schema.registry import ENVIRONMENTS

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytracer.core.compiler.dispatch import entry
 from raytracer.core.geometry import Site
-from raytracer.film.formats.base.stored_image import StoredImage
+from raytracer.film.formats.base.image_format import StoredImage
 from raytracer.plugins.textures.base.interface import TextureSpec, texture, texture_gradient
 from raytracer.schema.registry import TEXTURES
 

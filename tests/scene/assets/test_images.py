@@ -95,7 +95,7 @@ def test_colours_are_decoded_from_srgb_and_transparency_is_not() -> None:
 
 
 def test_sizes_are_judged_before_pixels_are_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.film.formats.base.limits.MAX_PIXELS", 14)
+    monkeypatch.setattr("raytracer.film.formats.base.image_format.MAX_PIXELS", 14)
     with pytest.raises(ValueError, match="is 5 x 3 pixels, and at most 14 are read"):
         decode_image(encoded(BYTES), ".png")
     # Pillow keeps its own limit for others.

@@ -61,12 +61,9 @@ class ClippedFlash(PhotographicWarningKind):
         if timing.readout == 0.0:
             most = 1.0 if timing.profile is None else max(transmission for _, transmission in timing.profile)
             lost = 1.0 - timing.transmitted(begin, end) / (most * (end - begin))
-            return self.dimmed.fill(
-                flash=flash,
-                duration=duration,
-                open=exposure_time(max(0.0, min(end, closing) - max(begin, opened))),
-                percent=compact_number(round(100.0 * lost, 1)),
-            )
+            shown = exposure_time(max(0.0, min(end, closing) - max(begin, opened)))
+            percent = compact_number(round(100.0 * lost, 1))
+            return self.dimmed.fill(flash=flash, duration=duration, open=shown, percent=percent)
         lit, hint = _lit_band(timing, part, full, tick), _sync_hint(timing, begin, end)
         return self.banded.fill(flash=flash, duration=duration, lit=lit, hint=hint)
 

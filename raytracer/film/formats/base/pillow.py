@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film import srgb
-from raytracer.film.formats.base.limits import check_size
-from raytracer.film.formats.base.stored_image import StoredImage
+from raytracer.film.formats.base.image_format import StoredImage, check_size
 from raytracer.util.safe_open import BrokenFileError
 
 if TYPE_CHECKING:
@@ -27,10 +26,8 @@ _MOST_UINT16 = np.float32(65535.0)
 def open_with_pillow(data: bytes, formats: tuple[str, ...] = _FORMATS) -> Iterator["PIL.Image.Image"]:
     """Open an image file, and check its size; its pixels are decoded when they are asked for.
 
-    Raises
-    ------
-    BrokenFileError : see `check_size`.
-    Exception : whatever Pillow raises about broken files.
+    Raises BrokenFileError: see `check_size`.
+    Raises Exception: whatever Pillow raises about broken files.
     """
     import PIL.Image
 
@@ -112,12 +109,7 @@ def _encode(picture: "PIL.Image.Image", name: str, **settings: Any) -> bytes:
 
 
 def is_transparent(data: bytes) -> bool:
-    """Return True if an image file that Pillow reads has an opacity.
-
-    Raises
-    ------
-    BrokenFileError : it cannot be opened.
-    """
+    """Return True if an image file that Pillow reads has an opacity; a BrokenFileError if it cannot be opened."""
     try:
         with open_with_pillow(data) as file:
             return "A" in file.getbands() or "transparency" in file.info

@@ -6,9 +6,8 @@ it is read without the rest, and each tile has a checksum.
 References: The HDF Group, "HDF5 File Format Specification", version 3.0; "HDF5 Dimension Scale Specification".
 """
 
-from raytracer.film.light_field.lf.constants import FORMAT, SUFFIX, TYPES, VERSION
 from raytracer.film.light_field.lf.reader import OpenField, open  # noqa: A004
-from raytracer.film.light_field.lf.stored_array import StoredArray
+from raytracer.film.light_field.lf.stored_array import FORMAT, SUFFIX, TYPES, VERSION, StoredArray
 from raytracer.film.light_field.lf.writer import Writer, write
 
 __all__ = ["FORMAT", "SUFFIX", "TYPES", "VERSION", "OpenField", "StoredArray", "Writer", "open", "write"]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from raytracer.film.light_field.field import LightField, Rays, Samples
-from raytracer.film.light_field.lf.constants import (
+from raytracer.film.light_field.lf.stored_array import (
     AXES,
     CACHE_BYTES,
     FORMAT,
@@ -16,8 +16,6 @@ from raytracer.film.light_field.lf.constants import (
     NUMBERS,
     OPTIONAL_NUMBERS,
     VERSION,
-)
-from raytracer.film.light_field.lf.hdf5_checks import (
     checked_array,
     checked_name,
     find_object,
@@ -128,7 +126,7 @@ def _read_light_field(file: Any, path: Path) -> OpenField:
             cell=None if cell is None else (float(cell[0]), float(cell[1])),
             aperture=None if aperture is None else float(aperture),
             focal_length=None if focal_length is None else float(focal_length),
-            pose=None if pose is None else Pose(*(_triple(row) for row in pose)),
+            pose=None if pose is None else Pose.of(pose),
         )
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
@@ -179,14 +177,6 @@ def _read_settings(file: Any, path: Path) -> dict[str, str | float | int]:
     group = find_object(file, "settings", path)
     if group is None:
         return {}
-    settings: dict[str, str | float | int] = {}
-    for name in group.attrs:
-        value = read_attribute(group, name, path)
-        if isinstance(value, str | int | float):
-            settings[checked_name(name, "settings", path)] = value
-    return settings
-
-
-def _triple(row: Any) -> tuple[float, float, float]:
-    x, y, z = map(float, row)
-    return x, y, z
+    values = {name: read_attribute(group, name, path) for name in group.attrs}
+    known = {name: value for name, value in values.items() if isinstance(value, str | int | float)}
+    return {checked_name(name, "settings", path): value for name, value in known.items()}

@@ -1,15 +1,15 @@
 """Writing `.lf` files: view by view, or a whole light field."""
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LightField, Rays
-from raytracer.film.light_field.lf.constants import (
+from raytracer.film.light_field.lf.stored_array import (
     AXES,
     FORMAT,
     MICROLENSES,
@@ -20,10 +20,44 @@ from raytracer.film.light_field.lf.constants import (
     UNITS,
     VERSION,
 )
-from raytracer.film.light_field.lf.write_only_file import WriteOnlyFile
 from raytracer.film.light_field.views import Views
 from raytracer.util.atomic_write import atomic_write, wrap_os_errors
 from raytracer.util.progress import Update, report_progress
+
+
+class WriteOnlyFile:
+    """A file for HDF5 to write, which stores the first error instead of raising it.
+
+    HDF5 cannot close a file that it could not write, and ends the process at its exit.  So writes always seem to
+    succeed, and the writer checks `error`.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.error: BaseException | None = None
+
+    def write(self, data: memoryview) -> int:
+        self._attempt(lambda: self._file.write(data))
+        return len(data)
+
+    def truncate(self, size: int) -> int:
+        self._attempt(lambda: self._file.truncate(size))
+        return size
+
+    def flush(self) -> None:
+        self._attempt(self._file.flush)
+
+    def __getattr__(self, name: str) -> Any:
+        """Seek, tell and read as the file does."""
+        return getattr(self._file, name)
+
+    def _attempt(self, act: Callable[[], object]) -> None:
+        try:
+            if self.error is None:
+                act()
+        except BaseException as error:  # noqa: BLE001
+            self.error = error
+
 
 _TILE = 128
 """Pixels along the edge of a tile: as quick as whole views to write and read, and a part of a view costs little."""
@@ -86,8 +120,6 @@ class Writer:
     def put(self, row: int, radiance: Any, layers: Mapping[str, Any] | None = None) -> None:
         """Write rows of views, from `row` on.
 
-        Parameters
-        ----------
         radiance : (rows, columns, height, width, 3).
         layers : by name, (rows, columns, height, width) or with a last axis of channels; the same names every time.
         """
@@ -97,10 +129,9 @@ class Writer:
                 wanted = (len(radiance), self.views.columns)
                 raise ValueError(f"{name} must be rows of views, {wanted}, got {np.shape(array)}")
         # View by view: the whole may come from a file that does not fit into memory.
-        for i in range(len(radiance)):
-            for column in range(self.views.columns):
-                view_layers = {name: layer[i, column] for name, layer in layers.items()}
-                self.put_view(row + i, column, radiance[i, column], view_layers)
+        for i, column in np.ndindex(len(radiance), self.views.columns):
+            view_layers = {name: layer[i, column] for name, layer in layers.items()}
+            self.put_view(row + i, column, radiance[i, column], view_layers)
 
     def put_view(
         self, row: int, column: int, radiance: Any, layers: Mapping[str, Any] | None = None, samples: Any = None
@@ -111,10 +142,9 @@ class Writer:
         """
         layers = layers or {}
         microlenses = None if self._microlenses is None else (len(self._microlenses), 3)
-        if (None if samples is None else np.shape(samples)) != microlenses:
-            raise ValueError(
-                f"samples must be of shape {microlenses}, got {None if samples is None else np.shape(samples)}"
-            )
+        given = None if samples is None else np.shape(samples)
+        if given != microlenses:
+            raise ValueError(f"samples must be of shape {microlenses}, got {given}")
         size = (self.views.height, self.views.width)
         for name, array in {"radiance": radiance, **layers}.items():
             channels = np.shape(array)[2:]
@@ -126,14 +156,12 @@ class Writer:
             self._layers = {name: self._create_array(f"layers/{name}", layer) for name, layer in layers.items()}
         if self._layers.keys() != layers.keys():
             raise ValueError(f"layers must be {sorted(self._layers)} for every view, got {sorted(layers)}")
-        for name, array in {**layers, RADIANCE: radiance}.items():
-            dataset = self._radiance if name == RADIANCE else self._layers[name]
-            # What float16 cannot hold becomes inf, as it should.
-            with np.errstate(over="ignore"):
+        arrays = [(self._layers[name], layer) for name, layer in layers.items()]
+        arrays += [(self._radiance, radiance), *([] if samples is None else [(self._samples, samples)])]
+        # What float16 cannot hold becomes inf, as it should.
+        with np.errstate(over="ignore"):
+            for dataset, array in arrays:
                 dataset[row, column] = np.asarray(array).astype(dataset.dtype)
-        if samples is not None:
-            with np.errstate(over="ignore"):
-                self._samples[row, column] = np.asarray(samples).astype(self._samples.dtype)
         self._raise_error()
         self._missing.discard((row, column))
 
@@ -183,10 +211,9 @@ class Writer:
         numbers |= {name: value for name in OPTIONAL_NUMBERS if (value := getattr(views, name)) is not None}
         for name, number in numbers.items():
             file.attrs[name] = float(number)
-        if views.cell is not None:
-            file.attrs["cell"] = np.array(views.cell, dtype="<f8")
-        if views.pose is not None:
-            file.attrs["pose"] = np.array(views.pose, dtype="<f8")
+        for name, tuples in {"cell": views.cell, "pose": views.pose}.items():
+            if tuples is not None:
+                file.attrs[name] = np.array(tuples, dtype="<f8")
         for name, unit in UNITS.items():
             _write_string(file, f"{name}_unit", unit)
 
@@ -274,12 +301,7 @@ def _write_string(owner: Any, name: str, text: str) -> None:
 
 
 def write(
-    path: str | Path,
-    field: LightField,
-    *,
-    dtype: str = "float32",
-    compress: bool = False,
-    update: Update | None = None,
+    path: str | Path, field: LightField, *, dtype: str = "float32", compress: bool = False, update: Update | None = None
 ) -> None:
     """Write a light field as an `.lf` file.
 

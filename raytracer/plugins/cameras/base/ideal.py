@@ -6,8 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from raytracer.film.light_field.layout import Layout
-from raytracer.film.light_field.mosaic import Mosaic
+from raytracer.film.light_field.layout import Layout, Mosaic
 from raytracer.film.light_field.views import Plane, Pose, Views
 from raytracer.optics.thin_lens import magnification
 from raytracer.plugins.apertures.base.vignetting import Opening, Vignetting

@@ -8,7 +8,7 @@ import numpy as np
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.vec import add, madd, scale
 from raytracer.film.light_field.focusing import refocusable, view_spacing
-from raytracer.film.light_field.mosaic import Mosaic
+from raytracer.film.light_field.layout import Mosaic
 from raytracer.film.light_field.views import Plane, Pose, Views
 from raytracer.plugins.cameras.base import interface
 from raytracer.plugins.cameras.base.perspective_camera import (
