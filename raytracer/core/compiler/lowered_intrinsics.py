@@ -143,6 +143,8 @@ _operator(operator.neg, LANES, lambda builder, a: builder.fneg(a), [(LANES,)])
 
 @intrinsic
 def sqrt_lanes(typing_context, value):
+    """Compute square roots."""
+
     def generate(context, builder, typing, arguments):
         kind = ir.FunctionType(_VECTOR, [_VECTOR])
         function = get_or_insert_function(builder.module, kind, f"llvm.sqrt.v{WIDTH}f64")
@@ -153,6 +155,8 @@ def sqrt_lanes(typing_context, value):
 
 @intrinsic
 def select(typing_context, where, yes, no):
+    """Select by lane."""
+
     def generate(context, builder, typing, arguments):
         mask, *values = arguments
         return builder.select(mask, *(_spread(builder, value) for value in values))
@@ -170,6 +174,8 @@ def _address(context: Any, builder: Any, kind: Any, rows: Any, row: Any) -> Any:
 
 @intrinsic
 def load(typing_context, rows, row):
+    """Load a row."""
+
     def generate(context, builder, typing, arguments):
         held, number = arguments
         number = context.cast(builder, number, typing.args[1], types.intp)
@@ -180,6 +186,8 @@ def load(typing_context, rows, row):
 
 @intrinsic
 def store(typing_context, rows, row, value):
+    """Store a row."""
+
     def generate(context, builder, typing, arguments):
         held, number, lanes = arguments
         number = context.cast(builder, number, typing.args[1], types.intp)
@@ -192,6 +200,8 @@ def store(typing_context, rows, row, value):
 
 @intrinsic
 def any_lane(typing_context, where):
+    """Tell if any lane holds."""
+
     def generate(context, builder, typing, arguments):
         bits = ir.IntType(WIDTH)
         return builder.icmp_unsigned("!=", builder.bitcast(arguments[0], bits), bits(0))
@@ -201,6 +211,8 @@ def any_lane(typing_context, where):
 
 @intrinsic
 def gather_lanes(typing_context, rows, numbers, column):
+    """Gather a column."""
+
     def generate(context, builder, typing, arguments):
         held, lanes, place = arguments
         word, index = context.get_value_type(types.intp), ir.IntType(32)

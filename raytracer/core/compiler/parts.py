@@ -1,5 +1,7 @@
 """Parts of kernels: functions that are compiled for the types that a kernel calls them with, and linked into it."""
 
+import dis
+import functools
 import inspect
 import itertools
 import re
@@ -9,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numba import types
+from numba import typeof, types
 from numba.core.errors import TypingError
 from numba.core.funcdesc import FunctionDescriptor
 from numba.core.registry import cpu_target
@@ -21,7 +23,6 @@ from raytracer.core.compiler.declarations import compiler_loaded
 from raytracer.core.compiler.part_cache import StoredPart, digest, load_part, part_key, save_part
 from raytracer.core.compiler.part_library import PartLibrary
 from raytracer.core.compiler.passes import OPTIONS, lower_part
-from raytracer.core.compiler.trivial_parts import trivial_part
 
 _numbers = itertools.count()
 
@@ -204,6 +205,79 @@ def _name(function: Callable[..., Any], key: str | None) -> str:
     """Name the LLVM function of a part; without a key, no other of this process has the name."""
     plain = re.sub(r"[^A-Za-z0-9_]+", ".", function.__qualname__)
     return f"part.{plain}.{next(_numbers) if key is None else digest(key)}"
+
+
+# ---- Trivial parts
+#
+# Functions that return nothing, one of their arguments, or a constant need no compiling.  Such is what an effect does
+# in a scene that lacks it.  A part costs 20 ms to compile, however small it is, and the path tracer asks some forty
+# effects at each segment.
+
+_READ_ARGUMENT = "LOAD_FAST"
+
+# Instructions that read and return, by the beginnings of their names, which differ between versions of Python.
+_PLAIN = (
+    *("RESUME", "NOP", "CACHE", "LOAD_CONST", "LOAD_SMALL_INT", "LOAD_GLOBAL", "LOAD_ATTR", _READ_ARGUMENT),
+    *("BUILD_TUPLE", "RETURN_VALUE", "RETURN_CONST"),
+)
+
+Implementation = Callable[[Any, Any, Any, tuple[Any, ...]], Any]
+
+
+def trivial_part(
+    function: Callable[..., Any], arguments: tuple[types.Type, ...]
+) -> tuple[types.Type, Implementation] | None:
+    """Implement a function that does nothing but return something.
+
+    Returns
+    -------
+    The type of its result, and what makes the result in LLVM, as Numba calls it; None if the function does more.
+    """
+    read = _arguments_read(function)
+    if read is None or len(inspect.signature(function).parameters) != len(arguments):
+        return None
+    if not read:
+        # It reads constants alone, whatever it is called with.
+        return _constant(function(*[None] * len(arguments)))
+    return _argument(read[0], arguments[read[0]]) if len(read) == 1 else None
+
+
+@functools.cache
+def _arguments_read(function: Callable[..., Any]) -> tuple[int, ...] | None:
+    """List the arguments that a function returns; None if it does anything else.
+
+    By its instructions: a source file may have changed since it was imported.
+    """
+    steps = list(dis.get_instructions(function))
+    read = [step for step in steps if step.opname.startswith(_READ_ARGUMENT)]
+    if not all(step.opname.startswith(_PLAIN) for step in steps):
+        return None
+    # A part of an argument, or arguments in a tuple, are made by Numba.
+    if read and not all(step.opname.startswith(("RESUME", "NOP", "CACHE", "RETURN", _READ_ARGUMENT)) for step in steps):
+        return None
+    names = function.__code__.co_varnames
+    return tuple(names.index(step.argval) if step.argval in names else -1 for step in read)
+
+
+def _argument(number: int, given: types.Type) -> tuple[types.Type, Implementation]:
+    """Return the argument of this number."""
+    result = types.unliteral(given)
+
+    def make(context: Any, builder: Any, sig: Any, args: tuple[Any, ...]) -> Any:
+        return context.cast(builder, args[number], sig.args[number], result)
+
+    return result, make
+
+
+def _constant(value: Any) -> tuple[types.Type, Implementation] | None:
+    """Return a constant: None, a number, or a tuple of numbers."""
+    if value is None:
+        return types.none, lambda context, builder, sig, args: context.get_dummy_value()
+    items = value if type(value) is tuple else (value,)
+    if not all(type(item) in (bool, int, float) for item in items):
+        return None
+    result = typeof(value)
+    return result, lambda context, builder, sig, args: context.get_constant_generic(builder, result, value)
 
 
 compiler_loaded(declare_part)

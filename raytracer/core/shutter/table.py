@@ -154,24 +154,19 @@ def _rounded(time):
     return np.float64(np.float32(max(0.0, min(1.0, time))))
 
 
-@optional
+@kernel
 def sample_shutter_time(pulses, shutter, x, y, u):
     """Sample a time for film position (x, y), as a fraction of the whole exposure; returns it and its weight.
 
-    The weight is the density of the line's transmission over that of sampling: 1 without flashes.
-    """
-    begin, width = line_exposure(shutter.scan, x, y)
-    return _rounded(begin + width * sample_curve(shutter.curve, u)), 1.0
-
-
-@sample_shutter_time.register(Pulses)
-def sample_shutter_time_pulses(pulses, shutter, x, y, u):
-    """Sample half of the times from the pulses that the line sees, each as often as any other: the one-sample model.
+    The weight is the density of the line's transmission over that of sampling: 1 without flashes.  With them, half of
+    the times are sampled from the pulses that the line sees, each as often as any other: the one-sample model.
 
     References: Veach 1997, sec. 9.2.4 (with the balance heuristic, the weight is the integrand's density over that of
     the mixture, here at most 2).
     """
     begin, width = line_exposure(shutter.scan, x, y)
+    if pulses is None:
+        return _rounded(begin + width * sample_curve(shutter.curve, u)), 1.0
     seen = 0
     for pulse in range(len(pulses.begin)):
         if min(pulses.end[pulse], begin + width) >= max(pulses.begin[pulse], begin):

@@ -8,7 +8,7 @@ import pytest
 
 from raytracer.core.compiler import parts
 from raytracer.core.compiler.dispatch import entry, kernel, optional
-from raytracer.core.compiler.trivial_parts import trivial_part
+from raytracer.core.compiler.parts import trivial_part
 
 NOTHING_FITS = (math.nan, -1.0, 0.5)
 
