@@ -18,7 +18,6 @@ from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import row3
 from raytracer.core.vec import Vec3, is_black, scale
 from raytracer.plugins.media.base import interface
-from raytracer.plugins.media.base.phase import pdf_henyey_greenstein, sample_henyey_greenstein
 from raytracer.schema.fields import Albedo
 
 
@@ -164,13 +163,3 @@ def sample_distance_homogeneous_row(medium, origin, direction, distance, through
 @interface.transmittance.register(HomogeneousRow)
 def transmittance_homogeneous_row(medium, origin, direction, distance, draws, numbers):
     return beer_lambert(medium.extinction, distance), numbers
-
-
-@interface.sample_phase.register(HomogeneousRow)
-def sample_phase_homogeneous_row(medium, direction, u1, u2):
-    return sample_henyey_greenstein(direction, medium.g, u1, u2)
-
-
-@interface.evaluate_phase.register(HomogeneousRow)
-def evaluate_phase_homogeneous_row(medium, direction, outgoing):
-    return pdf_henyey_greenstein(direction, outgoing, medium.g)

@@ -127,12 +127,7 @@ def _moved(piece: _Piece, pose: Array) -> _Piece:
 
 
 def _placed(header: Json) -> Iterator[tuple[int, Array]]:
-    """Walk through the meshes of the file's scene, by number, with the matrices (4, 4) of their nodes.
-
-    Raises
-    ------
-    BrokenFileError : a node is missing, or below two others or itself.
-    """
+    """Walk through the meshes of the file's scene, by number, with the matrices (4, 4) of their nodes."""
     scene = item(header, "scenes", header.get("scene", 0)) if "scenes" in header else {"nodes": _roots(header)}
     waiting = [(number, np.eye(4)) for number in reversed(list_entry(scene, "nodes"))]
     seen: set[int] = set()

@@ -72,8 +72,7 @@ class UselessLights(SceneWarningKind):
             look = survey.material_of(piece)
             if look is None or look.children() or not look.is_emissive() or getattr(look, "two_sided", True):
                 continue
-            table = survey.tables[pieces.table[piece]]
-            start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
+            table, start, stop = survey.rows_of(piece)
             if is_flat(table):
                 if stop - start <= _MOST_FACES and not _shines_on_something(survey, piece, outline(table, start, stop)):
                     yield self.of_piece(survey, piece, self.averted.fill())

@@ -3,9 +3,8 @@
 import numpy as np
 
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
-from raytracer.scene.warnings.base.relative_sizes import relative_sizes, sunk_objects
+from raytracer.scene.warnings.base.relative_sizes import UnseenLightFinder, relative_sizes, sunk_objects
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.scene.warnings.base.unseen_lights import UnseenLightFinder
 from raytracer.schema.warning_kind import Sentence, Warned
 
 MAX_SIZE_RATIO = 1e6

@@ -14,6 +14,7 @@ from raytracer.core.compiler.dispatch import generic, kernel, switch
 from raytracer.core.sampling import sample_2d
 from raytracer.core.vec import Vec3
 from raytracer.plugins.materials.base.interface import MEDIUM, PHASE
+from raytracer.plugins.media.base.phase import pdf_henyey_greenstein, sample_henyey_greenstein
 from raytracer.schema.fields import Quantity, Triple, Vector
 from raytracer.schema.spec import Spec
 
@@ -103,12 +104,25 @@ def transmittance(medium, origin, direction, distance, draws, numbers):
 
 @generic
 def sample_phase(medium, direction, u1, u2):
-    """Sample (direction, pdf) of scattered light; the weight is 1, and the pdf of a single direction infinite."""
+    """Sample (direction, pdf) of scattered light; the weight is 1, and the pdf of a single direction infinite.
+
+    By default it is scattered by Henyey and Greenstein's phase function of the medium's `g`.
+    """
+
+
+@sample_phase.register(tuple)
+def sample_phase_tuple(medium, direction, u1, u2):
+    return sample_henyey_greenstein(direction, medium.g, u1, u2)
 
 
 @generic
 def evaluate_phase(medium, direction, outgoing):
     """Evaluate the phase function (1/sr), which is also the pdf of `sample_phase`; 0 if that is infinite."""
+
+
+@evaluate_phase.register(tuple)
+def evaluate_phase_tuple(medium, direction, outgoing):
+    return pdf_henyey_greenstein(direction, outgoing, medium.g)
 
 
 @generic
