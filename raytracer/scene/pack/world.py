@@ -118,7 +118,6 @@ def pack_world(spec: SceneSpec, assets: SceneAssets, material_variant: MaterialV
     if origin is not None:
         eye -= origin.world
     objects = pack_objects(spec, layout, face_references, assets, textured=packer.tables is not None, eye=eye)
-    environment = _pack_environment(spec, assets)
     names: dict[int, str] = {}
     for owner, reference in zip(owners, references, strict=True):
         item = layout.items[owner]
@@ -128,7 +127,7 @@ def pack_world(spec: SceneSpec, assets: SceneAssets, material_variant: MaterialV
         layout=layout,
         origin=origin,
         objects=objects,
-        environment=environment,
+        environment=_pack_environment(spec, assets),
         assets=assets,
         bounds=ObjectBounds(spec, assets),
         used=used,

@@ -108,7 +108,6 @@ def _is_hollow(survey: SceneSurvey, piece: int, table: Spheres, row: int) -> boo
 
 
 def _is_dark(survey: SceneSurvey) -> bool:
-    """Return True if nothing in the scene gives light."""
     return not (
         any(light.shines() for light in survey.spec.lights)
         or survey.packed.scene.environment is not None
