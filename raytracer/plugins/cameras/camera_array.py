@@ -59,10 +59,7 @@ class CameraArray(IdealLensSpec):
     )
 
     _one_opening = never(
-        "defocus_angle",
-        "aperture",
-        "f_number",
-        "aperture_shape",
+        *("defocus_angle", "aperture", "f_number", "aperture_shape"),
         where={"fill": True},
         message="{key} and fill both say what the openings are: give one of them",
     )

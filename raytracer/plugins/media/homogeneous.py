@@ -73,13 +73,8 @@ class Homogeneous(interface.MediumSpec):
             np.array(rows, np.float64) for rows in zip(*(spec.coefficients() for spec in specs), strict=True)
         )
         # The sum as it was given, if it was: an albedo of 1 then loses nothing to rounding.
-        extinction = np.array(
-            [
-                spec.extinction if spec.extinction is not None else total
-                for spec, total in zip(specs, absorption + scattering, strict=True)
-            ],
-            np.float64,
-        )
+        sums = zip((spec.extinction for spec in specs), absorption + scattering, strict=True)
+        extinction = np.array([total if given is None else given for given, total in sums], np.float64)
         return HomogeneousTable(extinction, scattering, np.array([spec.g for spec in specs], np.float64))
 
 

@@ -80,19 +80,9 @@ class PackedWorld(NamedTuple):
 def world_key(spec: SceneSpec) -> tuple[Any, ...]:
     """Collect all of a scene that `pack_world` depends on, but for the contents of its files."""
     opening = spec.camera.shutter_interval()
-    return (
-        spec.base,
-        opening,
-        camera_at_time(spec.camera, opening.open).look_from,
-        spec.camera.medium,
-        spec.environment,
-        spec.textures,
-        spec.materials,
-        spec.media,
-        spec.medium,
-        spec.groups,
-        spec.objects,
-    )
+    place = camera_at_time(spec.camera, opening.open).look_from
+    keys = ("environment", "textures", "materials", "media", "medium", "groups", "objects")
+    return (spec.base, opening, place, spec.camera.medium, *(getattr(spec, key) for key in keys))
 
 
 def pack_world(spec: SceneSpec, assets: SceneAssets, material_variant: MaterialVariant | None) -> PackedWorld:

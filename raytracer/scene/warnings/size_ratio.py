@@ -38,11 +38,6 @@ class SizeRatio(SceneWarningKind):
             small, large = int(np.argmin(np.where(aimed, np.inf, extent))), int(np.argmax(np.where(aimed, 0.0, whole)))
         ratio = float(whole[large] / max(extent[small], np.finfo(float).tiny))
         if ratio > MAX_SIZE_RATIO:
-            text = self.apart.fill(
-                small=2.0 * extent[small],
-                largest=survey.name_of(large),
-                large=2.0 * extent[large],
-                ratio=ratio,
-                limit=MAX_SIZE_RATIO,
-            )
+            sizes = {"small": 2.0 * extent[small], "large": 2.0 * extent[large], "ratio": ratio}
+            text = self.apart.fill(**sizes, largest=survey.name_of(large), limit=MAX_SIZE_RATIO)
             yield self.of_piece(survey, small, text)

@@ -164,12 +164,8 @@ def distance_numbers(draws, number):
 @kernel
 def shadow_numbers(draws, number):
     """Return the `number`th pair of random numbers for a segment's shadow ray."""
-    return sample_2d(
-        draws.sampler,
-        draws.key,
-        draws.index,
-        _dimension(draws, NUMBERS_PER_DISTANCE + (number & (NUMBERS_PER_DISTANCE - 1))),
-    )
+    dimension = _dimension(draws, NUMBERS_PER_DISTANCE + (number & (NUMBERS_PER_DISTANCE - 1)))
+    return sample_2d(draws.sampler, draws.key, draws.index, dimension)
 
 
 # ---- By reference
