@@ -10,9 +10,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from raytracer.core.compiler.declarations import declare_part
-from raytracer.core.compiler.entry import entry
-
-__all__ = ["each", "entry", "fold", "generic", "kernel", "kernel_overload", "optional", "routine", "switch"]
+from raytracer.core.compiler.entry import entry as entry  # noqa: PLC0414
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -97,6 +95,11 @@ def optional(*absent: Any) -> Any:
         return dispatcher
 
     return decorated
+
+
+def overridable(function: Callable[..., Any]) -> Any:
+    """Make a `generic` whose body is done for all that has no case of its own."""
+    return optional(tuple)(function)
 
 
 def kernel_overload(implementation: Callable[..., Any]) -> Callable[[F], F]:

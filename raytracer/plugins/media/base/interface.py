@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import generic, kernel, switch
+from raytracer.core.compiler.dispatch import generic, kernel, overridable, switch
 from raytracer.core.sampling import sample_2d
 from raytracer.core.vec import Vec3
 from raytracer.plugins.materials.base.interface import MEDIUM, PHASE
@@ -102,37 +102,24 @@ def transmittance(medium, origin, direction, distance, draws, numbers):
     """Compute (transmittance up to `distance`, by channel, or an estimate of it; numbers used)."""
 
 
-@generic
+@overridable
 def sample_phase(medium, direction, u1, u2):
     """Sample (direction, pdf) of scattered light; the weight is 1, and the pdf of a single direction infinite.
 
     By default it is scattered by Henyey and Greenstein's phase function of the medium's `g`.
     """
-
-
-@sample_phase.register(tuple)
-def sample_phase_tuple(medium, direction, u1, u2):
     return sample_henyey_greenstein(direction, medium.g, u1, u2)
 
 
-@generic
+@overridable
 def evaluate_phase(medium, direction, outgoing):
     """Evaluate the phase function (1/sr), which is also the pdf of `sample_phase`; 0 if that is infinite."""
-
-
-@evaluate_phase.register(tuple)
-def evaluate_phase_tuple(medium, direction, outgoing):
     return pdf_henyey_greenstein(direction, outgoing, medium.g)
 
 
-@generic
+@overridable
 def translate_media(table: Any, by: Vec3) -> Any:
     """Move a table of media with the world by a vector (m); by default itself, alike everywhere."""
-    raise NotImplementedError(type(table))
-
-
-@translate_media.register(tuple)
-def translate_media_tuple(table: Any, by: Vec3) -> Any:
     return table
 
 
