@@ -124,7 +124,13 @@ def _moved(piece: _Piece, pose: Array) -> _Piece:
 
 def _placed(header: Json) -> Iterator[tuple[int, Array]]:
     """Walk through the meshes of the file's scene, by number, with the matrices (4, 4) of their nodes."""
-    scene = item(header, "scenes", header.get("scene", 0)) if "scenes" in header else {"nodes": _roots(header)}
+    if "scenes" in header:
+        scene = item(header, "scenes", header.get("scene", 0))
+    else:
+        # Without scenes, those nodes that are no other's child.
+        nodes = [mapping(node, "a node") for node in list_entry(header, "nodes")]
+        below = {child for node in nodes for child in list_entry(node, "children") if isinstance(child, int)}
+        scene = {"nodes": [number for number in range(len(nodes)) if number not in below]}
     waiting = [(number, np.eye(4)) for number in reversed(list_entry(scene, "nodes"))]
     seen: set[int] = set()
     while waiting:
@@ -137,13 +143,6 @@ def _placed(header: Json) -> Iterator[tuple[int, Array]]:
         waiting += [(child, pose) for child in reversed(list_entry(node, "children"))]
         if "mesh" in node:
             yield node["mesh"], pose
-
-
-def _roots(header: Json) -> list[int]:
-    """List the nodes of a file without scenes that are no other's child."""
-    nodes = [mapping(node, "a node") for node in list_entry(header, "nodes")]
-    below = {child for node in nodes for child in list_entry(node, "children") if isinstance(child, int)}
-    return [number for number in range(len(nodes)) if number not in below]
 
 
 def _pose(node: Json, above: Array, number: int) -> Array:
