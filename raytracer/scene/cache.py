@@ -91,7 +91,7 @@ class RenderCache(AssetProvider):
     def has_structure(self, parts: AccelInput) -> bool:
         """Tell if the structure of these is in the cache."""
         with self._lock:
-            return self._structures.has(_key(parts))
+            return self._structures.index(_key(parts)) is not None
 
     def get_or_create(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
         """Return the value of a key, if there is one that is still `fresh`; else make it."""
@@ -139,7 +139,7 @@ class _LRUCache(Generic[T]):
         fresh: Callable[[T], bool] = lambda value: True,
     ) -> T:
         """Return the value of a key; make it if there is none, or it is not `fresh`."""
-        index = self._index(key)
+        index = self.index(key)
         if index is not None:
             entry = self._entries.pop(index)
             if fresh(entry.value):
@@ -152,11 +152,8 @@ class _LRUCache(Generic[T]):
             del self._entries[0]
         return value
 
-    def has(self, key: tuple[Any, ...]) -> bool:
-        """Tell if there is a value of a key."""
-        return self._index(key) is not None
-
-    def _index(self, key: tuple[Any, ...]) -> int | None:
+    def index(self, key: tuple[Any, ...]) -> int | None:
+        """Return the number of the entry of a key; None if there is none."""
         return next((index for index, entry in enumerate(self._entries) if is_identical(entry.key, key)), None)
 
 

@@ -108,17 +108,14 @@ def _check_loops(scene: "SceneSpec") -> None:
                 if child in chain:
                     loop = (*chain[chain.index(child) :], child)
                     first = next(keys for keys, below in parts[child] if below == loop[1])
-                    field_error(
-                        ("materials", child, *first),
-                        f"makes the material {loop[0]!r} a part of itself: {' -> '.join(loop)}",
-                    )
+                    sentence = f"makes the material {loop[0]!r} a part of itself: {' -> '.join(loop)}"
+                    field_error(("materials", child, *first), sentence)
                 if len(chain) >= _DEEPEST_MATERIAL:
                     field_error(place, f"makes materials of materials more than {_DEEPEST_MATERIAL} levels deep")
                 size += follow((*chain, child))
                 if size > _MOST_PARTS:
-                    field_error(
-                        place, f"makes one material of more than {_MOST_PARTS:,}, each counted where it is named"
-                    )
+                    sentence = f"makes one material of more than {_MOST_PARTS:,}, each counted where it is named"
+                    field_error(place, sentence)
             sizes[name] = size
         return sizes[name]
 

@@ -58,20 +58,8 @@ class SceneAssets:
         self._spec, self._provider = spec, provider or AssetProvider()
         self._held: dict[tuple[str, Path], Any] = {}
 
-    def read(self, kind: str, name: str) -> Any:
-        """Read the file of that name, relative to the scene, as an asset kind of `assets.LOADERS`.
-
-        Raises
-        ------
-        InputError : it cannot be read.
-        """
-        known = kind, self._spec.base / name
-        if known not in self._held:
-            self._held[known] = self._provider.read(*known)
-        return self._held[known]
-
     def of(self, item: Spec, keys: KeyPath) -> Mapping[str, Any]:
-        """Read the files of an object, or of the camera, by the path of the key that names each.
+        """Read the files that a mapping of the scene names, by the path of the key that names each.
 
         Raises
         ------
@@ -79,10 +67,13 @@ class SceneAssets:
         """
         result = {}
         for path, (name, kind) in item.files().items():
+            known = kind, self._spec.base / name
             try:
-                result[".".join(map(str, path))] = self.read(kind, name)
+                if known not in self._held:
+                    self._held[known] = self._provider.read(*known)
             except InputError as error:
                 raise self._spec.error(str(error), *keys, *path) from None
+            result[".".join(map(str, path))] = self._held[known]
         return result
 
     def is_fresh(self, provider: AssetProvider) -> bool:

@@ -79,13 +79,11 @@ class Quantity(Check):
         elif abs(number) > MAX_MAGNITUDE or (0.0 < abs(number) < 1.0 / MAX_MAGNITUDE and not self.tiny):
             raise ValueError(f"must {_RANGE}, got {format_value(value)}")
         if number < self.low or (self.low_open and number == self.low):
-            raise ValueError(
-                f"must be {'greater than' if self.low_open else 'at least'} {self.low:g}, got {format_value(value)}"
-            )
+            bound = f"{'greater than' if self.low_open else 'at least'} {self.low:g}"
+            raise ValueError(f"must be {bound}, got {format_value(value)}")
         if number > self.high or (self.high_open and number == self.high):
-            raise ValueError(
-                f"must be {'less than' if self.high_open else 'at most'} {self.high:g}, got {format_value(value)}"
-            )
+            bound = f"{'less than' if self.high_open else 'at most'} {self.high:g}"
+            raise ValueError(f"must be {bound}, got {format_value(value)}")
         if self.nonzero and number == 0.0:
             raise ValueError(f"must not be zero, got {format_value(value)}")
         return number

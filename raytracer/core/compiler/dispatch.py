@@ -10,9 +10,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from raytracer.core.compiler.declarations import declare_part
-from raytracer.core.compiler.entry import entry
-
-__all__ = ["each", "entry", "fold", "generic", "kernel", "optional", "routine", "switch"]
+from raytracer.core.compiler.entry import entry as entry  # noqa: PLC0414
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -81,8 +79,7 @@ def generic(stub: Callable[..., Any]) -> Any:
 def optional(*absent: Any) -> Any:
     """Make a `generic` of an effect that a scene may lack: the body is what is done without it, where it is None.
 
-    Used as `@optional`, or as `@optional(NoLightSampling)`: the body is then also the case of those classes.  With
-    `@optional(tuple)` it is that of all tables without a case of their own.
+    Used as `@optional`, or as `@optional(NoLightSampling)`: the body is then also the case of those classes.
     """
     if len(absent) == 1 and not isinstance(absent[0], type):
         return optional()(absent[0])
@@ -98,6 +95,11 @@ def optional(*absent: Any) -> Any:
         return dispatcher
 
     return decorated
+
+
+def overridable(function: Callable[..., Any]) -> Any:
+    """Make a `generic` whose body is done for all that has no case of its own."""
+    return optional(tuple)(function)
 
 
 def switch(case: Callable[..., Any]) -> Any:

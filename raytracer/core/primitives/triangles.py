@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.compiler.dispatch import kernel, overridable
 from raytracer.core.compiler.intrinsics import prefetch
 from raytracer.core.geometry import (
     Geometry,
@@ -228,7 +228,7 @@ def interpolated_normal(n0, n1, n2, u, v, normal):
     return shading if dot(shading, normal) > 0.0 else normal
 
 
-@optional(tuple)
+@overridable
 def _shading_normal(table, primitive, u, v, normal, time):
     """Return the normal that a triangle is shaded with at barycentric coordinates: its own, or interpolated."""
     return normal

@@ -59,10 +59,7 @@ class CameraArray(IdealLensSpec):
     )
 
     _one_opening = never(
-        "defocus_angle",
-        "aperture",
-        "f_number",
-        "aperture_shape",
+        *("defocus_angle", "aperture", "f_number", "aperture_shape"),
         where={"fill": True},
         message="{key} and fill both say what the openings are: give one of them",
     )
@@ -100,20 +97,12 @@ class CameraArray(IdealLensSpec):
         return views.make_view_grid(self.rows, self.columns, self.spacing, width, height, 1.0 / self.convergence())
 
     def layout(self, width: int, height: int) -> Mosaic:
-        optics = self.optics(width, height)
-        camera = self.pack_with_lens(width, height, None)
+        camera, grid = self.pack_with_lens(width, height, None), self._grid(width, height)
+        focal_length = self.optics(width, height).focal_length
         # What light a round opening gathers comes from a square of its area.
         side = 0.5 * math.sqrt(math.pi) * self.pupil_diameter(width, height)
-        cell = self.spacing if self.fill else (side, side)
-        return views.make_mosaic(
-            camera.frame,
-            camera.plane,
-            self._grid(width, height),
-            self.rows,
-            self.columns,
-            cell if side > 0.0 else None,
-            optics.focal_length,
-        )
+        cell = None if side <= 0.0 else self.spacing if self.fill else (side, side)
+        return views.make_mosaic(camera.frame, camera.plane, grid, self.rows, self.columns, cell, focal_length)
 
     def describe(self, width: int, height: int) -> dict[str, float]:
         return super().describe(width, height) | views.describe_views(self.layout(width, height).views)

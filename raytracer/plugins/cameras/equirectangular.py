@@ -45,14 +45,9 @@ class Equirectangular(PlacedSpec):
         return numbers if self.wavelength is None else {**numbers, "wavelength_nm": self.wavelength}
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "EquirectangularCamera":
-        return EquirectangularCamera(
-            self.frame(),
-            math.radians(self.hfov) / width,
-            math.radians(self.vfov) / height,
-            0.5 * width,
-            0.5 * height,
-            None if self.wavelength is None else monochromatic_spectra(self.wavelength),
-        )
+        longitude, latitude = math.radians(self.hfov) / width, math.radians(self.vfov) / height
+        wavelengths = None if self.wavelength is None else monochromatic_spectra(self.wavelength)
+        return EquirectangularCamera(self.frame(), longitude, latitude, 0.5 * width, 0.5 * height, wavelengths)
 
 
 class EquirectangularCamera(NamedTuple):

@@ -45,7 +45,7 @@ from raytracer.plugins.cameras.base.microlenses import (
     microlens_solid_angle,
     solve_arrangement,
 )
-from raytracer.plugins.cameras.base.perspective import CameraOptics
+from raytracer.plugins.cameras.base.perspective import ANGLES, LENGTHS, CameraOptics
 from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, Irradiance
 from raytracer.plugins.cameras.base.views import describe_views
 from raytracer.plugins.cameras.base.warnings import MICROLENS_WARNINGS, MicrolensFit
@@ -57,16 +57,7 @@ from raytracer.schema.warning_kind import WarningRecord
 _MAX_DISTANCE = 1e6
 """Largest distance of the exit pupil from the film, in image distances: one at infinity is placed there."""
 
-_THIN_LENS_KEYS = (
-    "vfov",
-    "hfov",
-    "dfov",
-    "focal_length",
-    "equivalent_focal_length",
-    "defocus_angle",
-    "aperture",
-    "vignetting",
-)
+_THIN_LENS_KEYS = (*ANGLES, *LENGTHS, "defocus_angle", "aperture", "vignetting")
 """Keys of a thin lens that a prescription takes the place of."""
 
 _TRADE_OFF_FACTORS = (0.5, 2.0 / 3.0, 1.0, 1.5, 2.0, 3.0)
@@ -199,11 +190,8 @@ class LightField(GlassLensSpec, IdealLensSpec):
 
     def describe(self, width: int, height: int) -> dict[str, float]:
         """Return derived numbers: angles and pixels of a view, and the range in which it can be refocused."""
-        layout, array, main = (
-            self.lenslets(width, height),
-            self.arrangement(width, height),
-            self.main_lens(width, height),
-        )
+        array, main = self.arrangement(width, height), self.main_lens(width, height)
+        layout = self.lenslets(width, height)
         numbers, pixel = super().describe(width, height), 1e3 * main.film.height / height
         if self.lens is not None:
             setting = self.lens_setup()

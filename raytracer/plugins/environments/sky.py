@@ -77,8 +77,7 @@ def perez(coefficients: Floats, cosine: Floats, gamma: Floats) -> Floats:
     References: Preetham et al. 1999, eq. 3.
     """
     a, b, c, d, e = coefficients
-    result: Floats = (1.0 + a * np.exp(b / cosine)) * (1.0 + c * np.exp(d * gamma) + e * np.cos(gamma) ** 2)
-    return result
+    return np.asarray((1.0 + a * np.exp(b / cosine)) * (1.0 + c * np.exp(d * gamma) + e * np.cos(gamma) ** 2))
 
 
 def zenith(turbidity: float, theta_sun: float) -> dict[str, float]:
@@ -130,8 +129,7 @@ def sunlight(turbidity: float, theta_sun: float) -> Floats:
 
     # From W/(cm2 um sr) to W/(m2 nm sr).
     radiance = 10.0 * _SOLAR * np.exp(-air_mass * depth)
-    result: Floats = 683.0 * _STEP * color_matching(_WAVELENGTHS) @ radiance
-    return result
+    return np.asarray(683.0 * _STEP * color_matching(_WAVELENGTHS) @ radiance)
 
 
 def color_matching(wavelength: Floats) -> Floats:

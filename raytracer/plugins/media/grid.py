@@ -17,7 +17,6 @@ from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import row3
 from raytracer.core.vec import Vec3
 from raytracer.plugins.media.base import interface
-from raytracer.plugins.media.base.phase import pdf_henyey_greenstein, sample_henyey_greenstein
 from raytracer.plugins.media.base.voxel_traversal import BLOCK, advance_traversal, begin_traversal, extinction_at
 from raytracer.schema.fields import Albedo, NonNegativeNumber, Point
 from raytracer.schema.spec import field_error
@@ -242,13 +241,3 @@ def transmittance_grid_row(medium, origin, direction, distance, draws, numbers):
             if through < _FEW:
                 through = _FEW if u1 * _FEW < through else 0.0
     return (through, through, through), numbers
-
-
-@interface.sample_phase.register(GridRow)
-def sample_phase_grid_row(medium, direction, u1, u2):
-    return sample_henyey_greenstein(direction, medium.g, u1, u2)
-
-
-@interface.evaluate_phase.register(GridRow)
-def evaluate_phase_grid_row(medium, direction, outgoing):
-    return pdf_henyey_greenstein(direction, outgoing, medium.g)

@@ -18,7 +18,6 @@ from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import row3
 from raytracer.core.vec import Vec3, is_black, scale
 from raytracer.plugins.media.base import interface
-from raytracer.plugins.media.base.phase import pdf_henyey_greenstein, sample_henyey_greenstein
 from raytracer.schema.fields import Albedo
 
 
@@ -74,13 +73,8 @@ class Homogeneous(interface.MediumSpec):
             np.array(rows, np.float64) for rows in zip(*(spec.coefficients() for spec in specs), strict=True)
         )
         # The sum as it was given, if it was: an albedo of 1 then loses nothing to rounding.
-        extinction = np.array(
-            [
-                spec.extinction if spec.extinction is not None else total
-                for spec, total in zip(specs, absorption + scattering, strict=True)
-            ],
-            np.float64,
-        )
+        sums = zip((spec.extinction for spec in specs), absorption + scattering, strict=True)
+        extinction = np.array([total if given is None else given for given, total in sums], np.float64)
         return HomogeneousTable(extinction, scattering, np.array([spec.g for spec in specs], np.float64))
 
 
@@ -164,13 +158,3 @@ def sample_distance_homogeneous_row(medium, origin, direction, distance, through
 @interface.transmittance.register(HomogeneousRow)
 def transmittance_homogeneous_row(medium, origin, direction, distance, draws, numbers):
     return beer_lambert(medium.extinction, distance), numbers
-
-
-@interface.sample_phase.register(HomogeneousRow)
-def sample_phase_homogeneous_row(medium, direction, u1, u2):
-    return sample_henyey_greenstein(direction, medium.g, u1, u2)
-
-
-@interface.evaluate_phase.register(HomogeneousRow)
-def evaluate_phase_homogeneous_row(medium, direction, outgoing):
-    return pdf_henyey_greenstein(direction, outgoing, medium.g)

@@ -29,9 +29,5 @@ class Disc(ShapeSpec):
 
     def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Discs:
         radius = affine.uniform_scale(matrix) * self.radius
-        return Discs(
-            affine.transform_points(matrix, [self.center]),
-            affine.transform_normals(matrix, [self.normal]),
-            np.array([radius]),
-            affine.material_references(material),
-        )
+        center, normal = affine.transform_points(matrix, [self.center]), affine.transform_normals(matrix, [self.normal])
+        return Discs(center, normal, np.array([radius]), affine.material_references(material))

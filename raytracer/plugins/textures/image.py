@@ -124,22 +124,13 @@ class ImageTexture(TextureSpec):
         as_bytes = specs[0]._is_bytes(assets[0])
         stored = [spec.stored_texels(files, as_bytes=as_bytes) for spec, files in zip(specs, assets, strict=True)]
         starts = np.cumsum([0, *(texels.size for texels in stored)])
-        rows = np.array(
-            [
-                (
-                    *spec.factor,
-                    *spec.uv_transform(),
-                    start,
-                    texels.shape[1],
-                    texels.shape[0],
-                    texels.shape[2],
-                    *(_WRAPS.index(name) for name in spec.wrap),
-                    spec.filter == "nearest",
-                )
-                for spec, start, texels in zip(specs, starts[:-1], stored, strict=True)
-            ],
-            np.float64,
-        )
+        columns = []
+        for spec, start, texels in zip(specs, starts[:-1], stored, strict=True):
+            height, width, channels = texels.shape
+            wraps = (_WRAPS.index(name) for name in spec.wrap)
+            layout = (start, width, height, channels, *wraps, spec.filter == "nearest")
+            columns.append((*spec.factor, *spec.uv_transform(), *layout))
+        rows = np.array(columns, np.float64)
         flat = np.concatenate([texels.ravel() for texels in stored])
         if not as_bytes:
             return FloatImages(flat, rows)

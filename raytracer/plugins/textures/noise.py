@@ -60,20 +60,11 @@ class Noise(TextureSpec):
 
     @staticmethod
     def pack(specs: Sequence["Noise"], assets: Any) -> "NoiseTable":
-        octaves = [spec.octaves or (1 if spec.pattern == "perlin" else 7) for spec in specs]
-        rows = [
-            (
-                *spec.low,
-                *spec.high,
-                _PATTERNS.index(spec.pattern),
-                spec.scale,
-                count,
-                spec.seed,
-                spec.turbulence,
-                spec.turbulence_scale,
-            )
-            for spec, count in zip(specs, octaves, strict=True)
-        ]
+        rows = []
+        for spec in specs:
+            octaves = spec.octaves or (1 if spec.pattern == "perlin" else 7)
+            bend = (spec.turbulence, spec.turbulence_scale)
+            rows.append((*spec.low, *spec.high, _PATTERNS.index(spec.pattern), spec.scale, octaves, spec.seed, *bend))
         return NoiseTable(np.array(rows, np.float64))
 
     def mean(self, assets: Any) -> Vec3:

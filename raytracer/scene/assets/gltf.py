@@ -1,7 +1,8 @@
 """Read the parts of glTF files: the JSON, the binary data, and the images.
 
 trimesh reads glTF files too, but makes zeros of data that are sparse or compressed, and believes what a file says of
-its sizes.  `gltf_geometry` reads the triangles from these parts, `gltf_materials` the materials.
+its sizes.  `gltf_geometry` reads the triangles from these parts, `gltf_materials` the materials.  Where a part is cut
+off, missing, or not of the kind that it should be, all raise BrokenFileError.
 
 References: Khronos Group, "glTF 2.0 Specification", sec. 3.6 (buffers), 3.8.4 (images), 4.4 (GLB).
 """
@@ -39,12 +40,7 @@ class Gltf(NamedTuple):
 
 
 def parse(data: bytes) -> Gltf:
-    """Parse a .gltf or .glb file to its parts.
-
-    Raises
-    ------
-    BrokenFileError : the file is cut off, or its JSON is none.
-    """
+    """Parse a .gltf or .glb file to its parts."""
     if len(data) < 12 or struct.unpack_from("<I", data)[0] != _MAGIC:
         return Gltf(_header(data), None)
     chunks: dict[int, bytes] = {}
@@ -77,24 +73,14 @@ def _header(data: bytes) -> dict[str, Any]:
 
 
 def mapping(value: Any, what: str) -> Json:
-    """Check that a value is a mapping.
-
-    Raises
-    ------
-    BrokenFileError : it is none.
-    """
+    """Check that a value is a mapping."""
     if not isinstance(value, Mapping):
         raise BrokenFileError(f"has {what} that is no mapping")
     return value
 
 
 def list_entry(holder: Json, key: str) -> list[Any]:
-    """Get the list under a key; empty if there is none.
-
-    Raises
-    ------
-    BrokenFileError : it is no list.
-    """
+    """Get the list under a key; empty if there is none."""
     value = holder.get(key, [])
     if not isinstance(value, list):
         raise BrokenFileError(f"has {key} that are no list")
@@ -102,12 +88,7 @@ def list_entry(holder: Json, key: str) -> list[Any]:
 
 
 def item(header: Json, key: str, number: Any) -> Json:
-    """Get item `number` of one of the file's lists.
-
-    Raises
-    ------
-    BrokenFileError : it is not there, or no mapping.
-    """
+    """Get item `number` of one of the file's lists."""
     items = header.get(key)
     if (
         not isinstance(items, list)
@@ -127,12 +108,7 @@ def is_number(value: Any) -> bool:
 
 
 def integer_entry(holder: Json, key: str, default: int | None = None) -> int:
-    """Get the integer from 0 on under a key; `default` if the key is missing and has one.
-
-    Raises
-    ------
-    BrokenFileError : it is missing, or something else.
-    """
+    """Get the integer from 0 on under a key; `default` if the key is missing and has one."""
     value = holder.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
         raise BrokenFileError(f"has a {key} that is no integer from 0 on: {format_value(value)}")
@@ -143,10 +119,6 @@ def buffer_view(gltf: Gltf, folder: Path, number: Any, read: dict[str | None, by
     """Get view `number` of a file in `folder`, and its bytes.
 
     read : buffers that were read before, by `_file_key`, to which this one is added.
-
-    Raises
-    ------
-    BrokenFileError : the view or its buffer is missing, or does not hold what it says.
     """
     view = item(gltf.header, "bufferViews", number)
     which = view.get("buffer")
@@ -185,12 +157,7 @@ def read_image_bytes(path: Path, number: int) -> tuple[bytes, str]:
 
 
 def image_bytes(gltf: Gltf, folder: Path, number: int) -> bytes:
-    """Read the encoded bytes of image `number` of a file in `folder`.
-
-    Raises
-    ------
-    BrokenFileError : the image is missing, or does not hold what it says.
-    """
+    """Read the encoded bytes of image `number` of a file in `folder`."""
     image = item(gltf.header, "images", number)
     if "uri" in image:
         return _uri_bytes(image["uri"], folder, f"image {number}")

@@ -46,14 +46,7 @@ Array = NDArray[Any]
 
 
 def read_gltf(file: BinaryIO) -> RawMesh:
-    """Read the triangles of an open file, with its materials' numbers if it has materials; see `read_triangles`."""
-    gltf = parse(file.read())
-    mesh = read_triangles(gltf, Path(file.name).parent)
-    return mesh if gltf.header.get("materials") else mesh._replace(kinds=None)
-
-
-def read_triangles(gltf: Gltf, folder: Path) -> RawMesh:
-    """Read the triangles of the scene of a file in `folder`.
+    """Read the triangles of the scene of an open file, with its materials' numbers if it has materials.
 
     Skins and morphs are left as they are at rest; points and lines are left out.  What has no normals or texture
     coordinates, where others have some, has zeros, and what has no material the count of materials as its kind.
@@ -62,10 +55,11 @@ def read_triangles(gltf: Gltf, folder: Path) -> RawMesh:
     ------
     BrokenFileError : the file breaks the specification, holds compressed meshes, or no triangles, or too many.
     """
+    gltf = parse(file.read())
     for name in list_entry(gltf.header, "extensionsRequired"):
         if name in _COMPRESSIONS:
             raise BrokenFileError(f"needs the extension {name}, which is not supported")
-    reader = _Reader(gltf, folder)
+    reader = _Reader(gltf, Path(file.name).parent)
     most_pieces = max(MAX_PIECES, len(list_entry(gltf.header, "nodes")) + len(list_entry(gltf.header, "accessors")))
     placed: list[tuple[_Piece, Array]] = []
     vertices = faces = 0
@@ -87,7 +81,9 @@ def read_triangles(gltf: Gltf, folder: Path) -> RawMesh:
         np.concatenate([piece.faces + offset for piece, offset in zip(pieces, offsets, strict=False)]),
         _filled([piece.normals for piece in pieces], pieces, 3),
         _filled([piece.uv for piece in pieces], pieces, 2),
-        np.concatenate([np.full(len(piece.faces), piece.kind, np.int32) for piece in pieces]),
+        np.concatenate([np.full(len(piece.faces), piece.kind, np.int32) for piece in pieces])
+        if gltf.header.get("materials")
+        else None,
     )
 
 
@@ -127,13 +123,14 @@ def _moved(piece: _Piece, pose: Array) -> _Piece:
 
 
 def _placed(header: Json) -> Iterator[tuple[int, Array]]:
-    """Walk through the meshes of the file's scene, by number, with the matrices (4, 4) of their nodes.
-
-    Raises
-    ------
-    BrokenFileError : a node is missing, or below two others or itself.
-    """
-    scene = item(header, "scenes", header.get("scene", 0)) if "scenes" in header else {"nodes": _roots(header)}
+    """Walk through the meshes of the file's scene, by number, with the matrices (4, 4) of their nodes."""
+    if "scenes" in header:
+        scene = item(header, "scenes", header.get("scene", 0))
+    else:
+        # Without scenes, those nodes that are no other's child.
+        nodes = [mapping(node, "a node") for node in list_entry(header, "nodes")]
+        below = {child for node in nodes for child in list_entry(node, "children") if isinstance(child, int)}
+        scene = {"nodes": [number for number in range(len(nodes)) if number not in below]}
     waiting = [(number, np.eye(4)) for number in reversed(list_entry(scene, "nodes"))]
     seen: set[int] = set()
     while waiting:
@@ -146,13 +143,6 @@ def _placed(header: Json) -> Iterator[tuple[int, Array]]:
         waiting += [(child, pose) for child in reversed(list_entry(node, "children"))]
         if "mesh" in node:
             yield node["mesh"], pose
-
-
-def _roots(header: Json) -> list[int]:
-    """List the nodes of a file without scenes that are no other's child."""
-    nodes = [mapping(node, "a node") for node in list_entry(header, "nodes")]
-    below = {child for node in nodes for child in list_entry(node, "children") if isinstance(child, int)}
-    return [number for number in range(len(nodes)) if number not in below]
 
 
 def _pose(node: Json, above: Array, number: int) -> Array:

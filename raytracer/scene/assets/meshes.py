@@ -181,7 +181,6 @@ _READERS = {"PLY": "ply", "OBJ": "obj", "STL": "stl", "glTF": "gltf_geometry"}
 
 
 def _read(path: Path) -> RawMesh:
-    """Read all triangles of a file into one mesh."""
     name = _FORMATS[path.suffix.lower()]
     reader = getattr(import_module(f"raytracer.scene.assets.{_READERS[name]}"), f"read_{name.lower()}")
     # Filters of warnings are of the whole process.

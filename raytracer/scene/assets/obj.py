@@ -72,12 +72,7 @@ def read_obj(file: BinaryIO) -> RawMesh:
 
 
 def _lines(text: bytes) -> bytes:
-    """Remove comments and carriage returns, and join lines that are continued.
-
-    Raises
-    ------
-    BrokenFileError : a line is too long.
-    """
+    """Remove comments and carriage returns, and join lines that are continued."""
     if not text.endswith(b"\n"):
         text += b"\n"
     if b"\r" in text:
@@ -94,10 +89,6 @@ def _batches(text: bytes) -> Iterator[tuple[str, bytes, list[tuple[int, ...]]]]:
     """Gather lines of one kind: the kind, the lines, and of each run of faces its lines and the rows before it.
 
     The first run of each kind comes alone, so that kinds come in the order of the file.
-
-    Raises
-    ------
-    BrokenFileError : a line is a face, but none that the format has.
     """
     counts = dict.fromkeys(_NUMBERS, 0)
     waiting: dict[str, tuple[list[bytes], list[tuple[int, ...]]]] = {}
@@ -147,10 +138,6 @@ def _parse_faces(text: bytes, before: Integers) -> Polygons:
     """Parse faces of one form: numbers of what the corners refer to (k, 1 to 3), counted from 0.
 
     before : of each run of lines, how many they are, and how many rows there are before it of what they refer to.
-
-    Raises
-    ------
-    BrokenFileError : an index is 0, or counts back to what is not there.
     """
     numbers = parse_numbers(text.replace(b"f", b"nan").replace(b"/", b" "))
     is_keyword = np.isnan(numbers)

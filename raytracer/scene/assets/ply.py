@@ -78,14 +78,11 @@ def read_ply(file: BinaryIO) -> RawMesh:
         raise BrokenFileError("has faces whose corners are not integers")
     vertex = tables["vertex"]
     vertices = _stack(vertex, ("x", "y", "z"))
-    normals = ("nx", "ny", "nz")
-    uv = next((names for names in _COORDINATES if all(name in vertex for name in names)), None)
-    return RawMesh(
-        vertices,
-        triangulate(polygons),
-        _stack(vertex, normals) if all(name in vertex for name in normals) else None,
-        None if uv is None else _stack(vertex, uv),
+    normals, uv = (
+        next((_stack(vertex, names) for names in choices if all(name in vertex for name in names)), None)
+        for choices in ([("nx", "ny", "nz")], _COORDINATES)
     )
+    return RawMesh(vertices, triangulate(polygons), normals, uv)
 
 
 def _stack(columns: Columns, names: tuple[str, ...]) -> NDArray[np.float64]:

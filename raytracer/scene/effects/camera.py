@@ -154,7 +154,6 @@ def _photograph(spec: SceneSpec) -> dict[str, Effect]:
 
 
 def _count_with_motion(spec: SceneSpec) -> int:
-    """Count the objects that have a motion."""
     return sum(bool(item.motion or getattr(item, "frames", None)) for _, item in spec.all_objects())
 
 

@@ -23,7 +23,6 @@ def light_sampling_effects(spec: SceneSpec, scene: Scene, emitting: int) -> dict
 
 
 def _has_light_kind(scene: Scene, kind: type) -> bool:
-    """Tell if the scene has a table of lights of this class."""
     return scene.lights is not None and any(isinstance(table, kind) for table in scene.lights.tables)
 
 

@@ -185,9 +185,8 @@ class _Builder:
         for below in inner:
             self._count_more((len(poses) + len(moving)) * (len(below.poses) + len(below.trajectories)), keys)
             still, trajectories = _composed(poses, moving, below)
-            result.append(
-                GroupInstances(below.group, still, trajectories, below.material if material < 0 else material, number)
-            )
+            own = below.material if material < 0 else material
+            result.append(GroupInstances(below.group, still, trajectories, own, number))
         return result
 
     def _contents(self, name: str) -> list[GroupInstances]:
@@ -209,16 +208,11 @@ class _Builder:
         self._count += count
         self._group_instances += 1
         if self._group_instances > _MAX_GROUP_INSTANCES:
-            raise self._spec.error(
-                f"places groups in groups more than {_MAX_GROUP_INSTANCES:,} times by instances that are written one "
-                "by one",
-                *keys,
-            )
+            sentence = f"more than {_MAX_GROUP_INSTANCES:,} times by instances that are written one by one"
+            raise self._spec.error(f"places groups in groups {sentence}", *keys)
         if self._count > _MAX_INSTANCES:
-            raise self._spec.error(
-                f"places groups in groups {self._count:,} times in all, and at most {_MAX_INSTANCES:,} are possible",
-                *keys,
-            )
+            sentence = f"{self._count:,} times in all, and at most {_MAX_INSTANCES:,} are possible"
+            raise self._spec.error(f"places groups in groups {sentence}", *keys)
 
 
 def _bare(item: ShapeSpec) -> ShapeSpec:

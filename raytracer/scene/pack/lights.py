@@ -69,15 +69,10 @@ def pack_lights(
             raise spec.error(sentence, "render", "light_sampling")
         kinds.setdefault(light.type, []).append(light)
     tables += [type(kinds[kind][0]).pack(kinds[kind]) for kind in sorted(kinds)]
-    unaimed = environment
-    if (
-        is_aimed
-        and environment is not None
-        and spec.environment is not None
-        and spec.environment.has_importance_sampling
-    ):
-        tables.append(Background())
-        unaimed = None
+    has_sampling = spec.environment is not None and spec.environment.has_importance_sampling
+    is_environment_aimed = is_aimed and environment is not None and has_sampling
+    unaimed = None if is_environment_aimed else environment
+    tables += [Background()] if is_environment_aimed else []
     present = tuple(table for table in tables if table is not None)
     if not present:
         return None, instances
@@ -104,11 +99,8 @@ def _lights_in_exposure(spec: SceneSpec, lights: Sequence[LightSpec], is_moving:
             seen.append((light, span.open))
         elif timing.seconds() == 0.0:
             number = [item is light for item in spec.lights].index(True)
-            raise spec.error(
-                f"a {light.type} needs a shutter that is open for some time: give camera.shutter, such as 1/60 s",
-                "lights",
-                number,
-            )
+            sentence = "needs a shutter that is open for some time: give camera.shutter, such as 1/60 s"
+            raise spec.error(f"a {light.type} {sentence}", "lights", number)
         elif pulse[1] > span.open and pulse[0] < span.close:
             seen.append((light, pulse[0]))
     timed = is_moving or (timing.readout > 0.0 and any(light.pulse(timing) is not None for light, _ in seen))

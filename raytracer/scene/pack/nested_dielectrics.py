@@ -73,11 +73,8 @@ class PrioritySolids:
         self._ranked = sorted(solids.values(), key=lambda solid: (solid.interior_medium.priority, -solid.place))
         if len(self._ranked) > MAX_SOLIDS:
             last = items[owners[max(solid.place for solid in self._ranked)]]
-            raise spec.error(
-                f"is one of {len(self._ranked):,} materials with a priority, and there may be {MAX_SOLIDS:,}: "
-                "take the priority from those that overlap nothing",
-                *_keys(last),
-            )
+            many = f"is one of {len(self._ranked):,} materials with a priority, and there may be {MAX_SOLIDS:,}"
+            raise spec.error(f"{many}: take the priority from those that overlap nothing", *_keys(last))
         self._spec, self._items = spec, items
         self._owners = {
             owner for owner, key in zip(owners, zip(used, spaces, strict=True), strict=True) if key in solids

@@ -151,7 +151,6 @@ def _check_instances(spec: SceneSpec, layout: Layout) -> None:
 
 
 def _pack_item(spec: SceneSpec, item: Item, placed: Static | Shift, reference: Any, assets: SceneAssets) -> Any:
-    """Pack one object to a table."""
     files, shutter = assets.of(item.spec, item.keys), spec.camera.shutter_interval()
     with spec.errors_at(*item.keys):
         table = item.spec.pack_moving(placed.matrix, reference, files, shutter)

@@ -80,19 +80,9 @@ class PackedWorld(NamedTuple):
 def world_key(spec: SceneSpec) -> tuple[Any, ...]:
     """Collect all of a scene that `pack_world` depends on, but for the contents of its files."""
     opening = spec.camera.shutter_interval()
-    return (
-        spec.base,
-        opening,
-        camera_at_time(spec.camera, opening.open).look_from,
-        spec.camera.medium,
-        spec.environment,
-        spec.textures,
-        spec.materials,
-        spec.media,
-        spec.medium,
-        spec.groups,
-        spec.objects,
-    )
+    place = camera_at_time(spec.camera, opening.open).look_from
+    keys = ("environment", "textures", "materials", "media", "medium", "groups", "objects")
+    return (spec.base, opening, place, spec.camera.medium, *(getattr(spec, key) for key in keys))
 
 
 def pack_world(spec: SceneSpec, assets: SceneAssets, material_variant: MaterialVariant | None) -> PackedWorld:
@@ -118,7 +108,6 @@ def pack_world(spec: SceneSpec, assets: SceneAssets, material_variant: MaterialV
     if origin is not None:
         eye -= origin.world
     objects = pack_objects(spec, layout, face_references, assets, textured=packer.tables is not None, eye=eye)
-    environment = _pack_environment(spec, assets)
     names: dict[int, str] = {}
     for owner, reference in zip(owners, references, strict=True):
         item = layout.items[owner]
@@ -128,7 +117,7 @@ def pack_world(spec: SceneSpec, assets: SceneAssets, material_variant: MaterialV
         layout=layout,
         origin=origin,
         objects=objects,
-        environment=environment,
+        environment=_pack_environment(spec, assets),
         assets=assets,
         bounds=ObjectBounds(spec, assets),
         used=used,

@@ -39,8 +39,7 @@ class CameraPosition(SceneWarningKind):
         near = ((camera >= pieces.low - slack) & (camera <= pieces.high + slack)).all(axis=1)
         single = (pieces.group < 0) & (pieces.stop - pieces.start <= _MOST_FACES)
         for piece in np.flatnonzero(single & near).tolist():
-            table = survey.tables[pieces.table[piece]]
-            offset = _offset_there(survey, table, int(pieces.start[piece]), int(pieces.stop[piece]))
+            offset = _offset_there(survey, *survey.rows_of(piece))
             if offset is not None:
                 text = self.on.fill(object=survey.name_of(piece), offset=offset)
             elif _is_inside_opaque(survey, piece):

@@ -24,9 +24,6 @@ class CollapsedFaces(SceneWarningKind):
         pieces = survey.pieces
         for piece in np.flatnonzero(pieces.empty).tolist():
             count, total = int(pieces.empty[piece]), int(pieces.stop[piece] - pieces.start[piece])
-            text = self.collapsed.fill(
-                faces=f"{count:,} of its {total:,} faces have" if total > 1 else "it has",
-                them="them" if total > 1 else "it",
-                origin=survey.origin_text(),
-            )
+            faces, them = (f"{count:,} of its {total:,} faces have", "them") if total > 1 else ("it has", "it")
+            text = self.collapsed.fill(faces=faces, them=them, origin=survey.origin_text())
             yield self.of_piece(survey, piece, text)

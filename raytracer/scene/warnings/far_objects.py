@@ -3,9 +3,8 @@
 import numpy as np
 
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
-from raytracer.scene.warnings.base.relative_sizes import MAX_DISTANCE_IN_RADII, relative_sizes
+from raytracer.scene.warnings.base.relative_sizes import MAX_DISTANCE_IN_RADII, UnseenLightFinder, relative_sizes
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.scene.warnings.base.unseen_lights import UnseenLightFinder
 from raytracer.schema.warning_kind import Sentence, Warned
 
 # Flattening from which on a message mentions it.

@@ -72,8 +72,7 @@ class UselessLights(SceneWarningKind):
             look = survey.material_of(piece)
             if look is None or look.children() or not look.is_emissive() or getattr(look, "two_sided", True):
                 continue
-            table = survey.tables[pieces.table[piece]]
-            start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
+            table, start, stop = survey.rows_of(piece)
             if is_flat(table):
                 if stop - start <= _MOST_FACES and not _shines_on_something(survey, piece, outline(table, start, stop)):
                     yield self.of_piece(survey, piece, self.averted.fill())
@@ -109,7 +108,6 @@ def _is_hollow(survey: SceneSurvey, piece: int, table: Spheres, row: int) -> boo
 
 
 def _is_dark(survey: SceneSurvey) -> bool:
-    """Return True if nothing in the scene gives light."""
     return not (
         any(light.shines() for light in survey.spec.lights)
         or survey.packed.scene.environment is not None

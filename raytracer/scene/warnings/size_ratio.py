@@ -3,9 +3,8 @@
 import numpy as np
 
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
-from raytracer.scene.warnings.base.relative_sizes import relative_sizes, sunk_objects
+from raytracer.scene.warnings.base.relative_sizes import UnseenLightFinder, relative_sizes, sunk_objects
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.scene.warnings.base.unseen_lights import UnseenLightFinder
 from raytracer.schema.warning_kind import Sentence, Warned
 
 MAX_SIZE_RATIO = 1e6
@@ -39,11 +38,6 @@ class SizeRatio(SceneWarningKind):
             small, large = int(np.argmin(np.where(aimed, np.inf, extent))), int(np.argmax(np.where(aimed, 0.0, whole)))
         ratio = float(whole[large] / max(extent[small], np.finfo(float).tiny))
         if ratio > MAX_SIZE_RATIO:
-            text = self.apart.fill(
-                small=2.0 * extent[small],
-                largest=survey.name_of(large),
-                large=2.0 * extent[large],
-                ratio=ratio,
-                limit=MAX_SIZE_RATIO,
-            )
+            sizes = {"small": 2.0 * extent[small], "large": 2.0 * extent[large], "ratio": ratio}
+            text = self.apart.fill(**sizes, largest=survey.name_of(large), limit=MAX_SIZE_RATIO)
             yield self.of_piece(survey, small, text)

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
 from raytracer.scene.warnings.base.primitive_points import edges, outline, squared, without_motion
-from raytracer.scene.warnings.base.relative_sizes import relative_sizes
+from raytracer.scene.warnings.base.relative_sizes import UnseenLightFinder, relative_sizes
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.scene.warnings.base.unseen_lights import UnseenLightFinder
 from raytracer.schema.warning_kind import Sentence, Warned
 
 _MOST_SHARE = 0.01
@@ -56,8 +55,8 @@ class Slivers(SceneWarningKind):
 
 def _narrow(survey: SceneSurvey, piece: int, least: float) -> tuple[int, float, float]:
     """Count faces without neighbours narrower than `least` (m): number, part of the area, and the least width (m)."""
-    table = without_motion(survey.tables[survey.pieces.table[piece]])
-    start, stop = int(survey.pieces.start[piece]), int(survey.pieces.stop[piece])
+    table, start, stop = survey.rows_of(piece)
+    table = without_motion(table)
     u, v, w = edges(outline(table, start, stop))
     area = np.sqrt(squared(np.cross(u, v)))
     longest = np.sqrt(np.maximum(np.maximum(squared(u), squared(v)), squared(w)))

@@ -24,10 +24,6 @@ class SunkObjects(SceneWarningKind):
 
     def find(self, survey: SceneSurvey) -> Warned:
         for sunk in survey.once(sunk_objects):
-            text = self.sunk.fill(
-                size=2.0 * sunk.radius,
-                ground=survey.name_of(sunk.ground),
-                offset=OFFSET_ULPS * sunk.reach,
-                reach=sunk.reach,
-            )
+            size, offset = 2.0 * sunk.radius, OFFSET_ULPS * sunk.reach
+            text = self.sunk.fill(size=size, ground=survey.name_of(sunk.ground), offset=offset, reach=sunk.reach)
             yield self.of_piece(survey, sunk.piece, text)

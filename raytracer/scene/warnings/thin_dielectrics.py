@@ -27,8 +27,7 @@ class ThinDielectrics(SceneWarningKind):
         pieces = survey.pieces
         # The sides of thin boxes are narrow.
         for piece in np.flatnonzero(pieces.width < 4.0 * OFFSET_ULPS * MOST_REACH * pieces.reach).tolist():
-            look, start, stop = survey.material_of(piece), int(pieces.start[piece]), int(pieces.stop[piece])
-            table = survey.tables[pieces.table[piece]]
+            look, (table, start, stop) = survey.material_of(piece), survey.rows_of(piece)
             if look is None or not look.admits_light() or stop - start > MOST_FACES:
                 continue
             # A single face has no inside; round objects are as thick as they are wide.

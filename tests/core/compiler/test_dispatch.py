@@ -8,7 +8,7 @@ import pytest
 from numba.core.errors import TypingError
 
 from raytracer.core.compiler import machine_code
-from raytracer.core.compiler.dispatch import entry, generic, kernel, optional, switch
+from raytracer.core.compiler.dispatch import entry, generic, kernel, optional, overridable, switch
 
 
 class Square(NamedTuple):
@@ -125,6 +125,26 @@ def call_switch(tables, which, index):
 def test_generic_chooses_by_class_from_python_and_from_kernels(shape: Any, expected: float) -> None:
     assert area(shape, 1.0) == expected
     assert call_area(shape, 1.0) == 2.0 * expected
+
+
+@overridable
+def corners(shape, scale):
+    return 4.0 * scale
+
+
+@corners.register(Circle)
+def corners_circle(shape, scale):
+    return 0.0
+
+
+@entry
+def call_corners(shape, scale):
+    return corners(shape, scale)
+
+
+@pytest.mark.parametrize(("shape", "expected"), [(Square(2.0), 4.0), (Circle(2.0), 0.0)])
+def test_overridable_is_its_own_case_for_all_others(shape: Any, expected: float) -> None:
+    assert corners(shape, 1.0) == call_corners(shape, 1.0) == expected
 
 
 def test_generic_without_a_case_says_so() -> None:

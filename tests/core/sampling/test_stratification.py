@@ -12,7 +12,7 @@ from raytracer.core.sampling import Sobol, Stratified, pixel_key, sample_2d
 from raytracer.core.vec import Vec3, neg, normalize
 from raytracer.plugins.materials.base.interface import Draws, scatter
 from raytracer.plugins.materials.lambertian import LambertianRow
-from raytracer.plugins.media.base.phase import sample_henyey_greenstein
+from raytracer.plugins.media.base.interface import sample_henyey_greenstein
 
 SPP = 64
 SIZE = 0.04

@@ -44,7 +44,7 @@ def test_a_scene_without_instances_has_none() -> None:
     found = packed("objects:\n  - {type: sphere, center: [0, 0, 0], radius: 1, transform: [{scale: -2}]}\n")
     assert found.scene.instances is None
     assert found.scene.shutter is None
-    assert (found.groups, found.placements) == ([], [])
+    assert (found.objects.groups, found.objects.placements) == ([], [])
 
 
 GROVE = """
@@ -71,11 +71,11 @@ def test_groups_in_groups_are_multiplied_out() -> None:
         near[0, 3], far[1, 3] = 1.0, 3.0
         expected += [placed @ near, placed @ far, placed]
     assert sorted(map(np.ndarray.tolist, poses(found))) == sorted(map(np.ndarray.tolist, np.array(expected)))
-    assert np.bincount(found.instance_objects).tolist() == [3, 3]
+    assert np.bincount(found.objects.instance_objects).tolist() == [3, 3]
 
     # Each group is where its rows are: boxes in one table, leaves in the other.
-    assert [sorted(group) for group in found.groups] == [[1], [0]]
-    assert all(owner.number.tolist() == [-1] for owner in found.owners)
+    assert [sorted(group) for group in found.objects.groups] == [[1], [0]]
+    assert all(owner.number.tolist() == [-1] for owner in found.objects.owners)
 
 
 def test_thousands_of_placements_take_the_memory_of_their_transforms(tmp_path: Path) -> None:
@@ -151,7 +151,7 @@ objects:
     assert len(trajectories.first) - 1 == 3
     ends = sorted((np.array(pose_at(trajectories, i, 1.0)) @ [1.0, 0.0, 0.0, 1.0]).round(9).tolist() for i in range(3))
     assert ends == [[0.0, 3.0, 0.0], [1.0, 2.0, 0.0], [5.0, 3.0, 0.0]]
-    assert len(found.placements) == 1 + len({len(step.poses) for step in found.placements[1:]})
+    assert len(found.objects.placements) == 1 + len({len(step.poses) for step in found.objects.placements[1:]})
 
 
 def test_scattered_copies_stand_apart_on_their_ground() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import generic, optional, switch
+from raytracer.core.compiler.dispatch import generic, overridable, switch
 from raytracer.core.geometry import Geometry
 
 Boxes = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -25,13 +25,13 @@ def hit(table, primitive, origin, direction, near, time, accuracy):
     raise NotImplementedError
 
 
-@optional(tuple)
+@overridable
 def row_of(table, part):
     """Return the row of the table that has this part of its geometry; each row is one part by default."""
     return part
 
 
-@optional(tuple)
+@overridable
 def prefetch_primitive(table, primitive):
     """Prefetch the data of a primitive that `hit` will read; nothing for small tables."""
 
@@ -48,7 +48,7 @@ def pdf_point(table, primitive, reference, point, normal, time):
     raise NotImplementedError
 
 
-@optional(tuple)
+@overridable
 def reproject_at_time(table, primitive, hit, time):
     """Return the position of a Hit's point at another time, for a primitive whose table says how it moves."""
     return hit.local
@@ -74,7 +74,7 @@ def areas(table: Any) -> NDArray[np.float64]:
     raise NotImplementedError(type(table))
 
 
-@optional(tuple)
+@overridable
 def boxes(table: Any, rows: NDArray[np.int64]) -> Boxes | None:
     """Return the least and the greatest coordinates (n, 3) of each of these rows; None for what moves."""
     return None
@@ -86,19 +86,19 @@ def bounds(table: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return lower.min(axis=0), upper.max(axis=0)
 
 
-@optional(tuple)
+@overridable
 def has_vertex_normals(table: Any) -> bool:
     """Return True if surfaces are shaded with other normals than their own; by default they are not."""
     return False
 
 
-@optional(tuple)
+@overridable
 def group_key(table: Any) -> tuple[Any, ...]:
     """Return a sortable key, equal for tables that can be concatenated: by default the class and its fields of None."""
     return (type(table).__name__, *(name for name, field in table._asdict().items() if field is None))
 
 
-@optional(tuple)
+@overridable
 def slice_rows(table: Any, start: int, stop: int) -> Any:
     """Slice a table from row `start` on and before `stop`, for `geometry`; all fields are rows by default."""
     if start == 0 and stop == len(table.material):
@@ -106,19 +106,19 @@ def slice_rows(table: Any, start: int, stop: int) -> Any:
     return type(table)(*(column[start:stop] if isinstance(column, np.ndarray) else column for column in table))
 
 
-@optional(tuple)
+@overridable
 def concatenate(first: Any, tables: Sequence[Any]) -> Any:
     """Concatenate the rows of all `tables`, which are of the class of `first`; all fields are rows by default."""
     return type(first)(*(np.ascontiguousarray(np.concatenate(rows)) for rows in zip(*tables, strict=True)))
 
 
-@optional(tuple)
+@overridable
 def without_uv(table: Any) -> Any:
     """Drop texture coordinates, which a scene without textures does not use."""
     return table
 
 
-@optional(tuple)
+@overridable
 def subdivide_large(table: Any, eye: NDArray[np.float64]) -> Any:
     """Subdivide surfaces, seen from `eye` (3,), that are so large that float32 blurs them near the eye.
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import each, generic, kernel, optional
+from raytracer.core.compiler.dispatch import each, generic, kernel, optional, overridable
 from raytracer.core.vec import add, sub
 from raytracer.kernel.lens_dispersion import apply_lens_color
 from raytracer.kernel.path_rows import load3, store3
@@ -99,12 +99,12 @@ def light_part(part, value, direct):
 _IS_HIT, _IS_SPLIT, _DIRECT, _SAVED, FIRST = 0, 1, 2, 5, 8
 
 
-@optional(tuple)
+@overridable
 def begin_layer(layer, work, sample, origin, direction):
     """Record the camera ray of a sample; most layers need nothing of it."""
 
 
-@optional(tuple)
+@overridable
 def _record_layer(layer, scene, work, sample, seen):
     """Record the first hit of a sample."""
 

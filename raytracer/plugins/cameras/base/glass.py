@@ -62,12 +62,7 @@ class GlassLensSpec(FocusedSpec):
         return self._bound
 
     def _stop_radius(self) -> float | None:
-        """Return the radius of the stop (mm) for the f-number; None for wide open.
-
-        Raises
-        ------
-        ValidationError : the lens has no such f-number.
-        """
+        """Return the radius of the stop (mm) for the f-number; None for wide open."""
         f_number = self.stop_f_number()
         if f_number is None:
             return None

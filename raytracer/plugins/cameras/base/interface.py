@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from raytracer.core.camera_shake import Shake
-from raytracer.core.compiler.dispatch import generic
+from raytracer.core.compiler.dispatch import generic, overridable
 from raytracer.core.motion.spec import Motion
 from raytracer.core.shutter.spec import ShutterField, exposure_timing
 from raytracer.core.shutter.table import Shutter
@@ -215,27 +215,19 @@ class CameraSpec(Spec):
         raise NotImplementedError
 
 
-@generic
+@overridable
 def film_corner(camera, x, y):
     """Return the film position of the top left corner of pixel (x, y) of the picture; (x, y) itself by default.
 
     Where a picture is made of many views, their films lie so far apart that what a filter draws around a pixel is still
     of its own view.
     """
-
-
-@film_corner.register(tuple)
-def film_corner_tuple(camera, x, y):
     return x, y
 
 
-@generic
+@overridable
 def film_to_view(camera, x, y):
     """Return a film position in pixels from the top left corner of its own view; itself by default."""
-
-
-@film_to_view.register(tuple)
-def film_to_view_tuple(camera, x, y):
     return x, y
 
 
@@ -254,14 +246,9 @@ class PacketRays(NamedTuple):
     """Mark of a camera that makes the rays of a packet together: by `set_lane` for each, then `trace_lanes` once."""
 
 
-@generic
+@overridable
 def packet_rays(camera):
     """Return `PacketRays()` for a camera that makes the rays of a packet together; None by default."""
-
-
-@packet_rays.register(tuple)
-def packet_rays_tuple(camera):
-    return None
 
 
 @generic
@@ -300,26 +287,18 @@ def share_wavelengths(camera, sharing, rows, others, x, y):
     """
 
 
-@generic
+@overridable
 def lane_ray(camera, rows, lane, x, y, time, draws):
     """Make the ray of a lane of a packet, as `camera_ray` does; by default without a packet."""
-
-
-@lane_ray.register(tuple)
-def lane_ray_tuple(camera, rows, lane, x, y, time, draws):
     return camera_ray(camera, x, y, time, draws)
 
 
-@generic
+@overridable
 def project(camera, point, time):
     """Project a point to the film: position (x, y) in pixels, NaN if not seen, and its depth along the axis (m).
 
     By default a point has no place in the picture, as where it is seen everywhere.
     """
-
-
-@project.register(tuple)
-def project_tuple(camera, point, time):
     return math.nan, math.nan, dot(sub(point, camera.frame.origin), camera.frame.forward)
 
 
@@ -337,13 +316,9 @@ class Defocus(NamedTuple):
     inverse_focus: float
 
 
-@generic
+@overridable
 def camera_defocus(camera: Any) -> Any:
     """Return the thin lens of a packed camera, a Defocus: by default its `thin`; None where it shows no perspective."""
-
-
-@camera_defocus.register(tuple)
-def camera_defocus_tuple(camera: Any) -> Defocus | None:
     return getattr(camera, "thin", None)
 
 
@@ -368,13 +343,13 @@ class CameraParts(NamedTuple):
     moves: bool = False
 
 
-@generic
+@overridable
 def camera_parts(camera: Any) -> CameraParts:
     """Return the parts of a packed camera; by default none but its `wavelengths`."""
     return CameraParts(spectra=getattr(camera, "wavelengths", None))
 
 
-@generic
+@overridable
 def translate_camera(camera: Any, by: Vec3) -> Any:
     """Move a packed camera with the world by a vector (m); by default its `frame`."""
     return camera._replace(frame=camera.frame._replace(origin=add(camera.frame.origin, by)))

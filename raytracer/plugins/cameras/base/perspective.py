@@ -19,8 +19,8 @@ from raytracer.schema.units import METRES_PER_MILLIMETRE
 # The field of view where a scene says nothing of it (deg).
 _VFOV = 90.0
 
-_ANGLES = ("vfov", "hfov", "dfov")
-_LENGTHS = ("focal_length", "equivalent_focal_length")
+ANGLES = ("vfov", "hfov", "dfov")
+LENGTHS = ("focal_length", "equivalent_focal_length")
 
 
 class CameraOptics(NamedTuple):
@@ -91,13 +91,13 @@ class PerspectiveSpec(ExposedSpec):
         default=None, description="focal length over the diameter of the entrance pupil; inf for a pinhole"
     )
 
-    _one_angle = exclusive(*_ANGLES, sets="the field of view")
-    _one_length = exclusive(*_LENGTHS, sets="the focal length")
+    _one_angle = exclusive(*ANGLES, sets="the field of view")
+    _one_length = exclusive(*LENGTHS, sets="the focal length")
 
     @model_validator(mode="after")
     def _one_scale(self) -> Any:
-        angles = [key for key in _ANGLES if getattr(self, key) is not None]
-        lengths = [key for key in _LENGTHS if getattr(self, key) is not None]
+        angles = [key for key in ANGLES if getattr(self, key) is not None]
+        lengths = [key for key in LENGTHS if getattr(self, key) is not None]
         if angles and lengths and self.given_sensor() is not None:
             field_error(
                 angles[0],
@@ -170,7 +170,7 @@ class PerspectiveSpec(ExposedSpec):
 
     def optics(self, width: int, height: int) -> CameraOptics:
         """Work out the optics for a film of width x height square pixels."""
-        has_angle = any(getattr(self, key) is not None for key in _ANGLES)
+        has_angle = any(getattr(self, key) is not None for key in ANGLES)
         focal_length, focus = self.given_focal_length(), 1e3 * self.plane_of_focus()
         has_sensor = self.given_sensor() is not None or (focal_length is not None and not has_angle)
         sensor, film = (self.sensor_size(), self.film_size(width, height)) if has_sensor else (None, None)

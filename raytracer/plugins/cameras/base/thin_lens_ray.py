@@ -32,8 +32,5 @@ def lens_ray_thin_lens_pupil(lens, frame, irradiance, direction, draws):
     shift = add(scale(x, frame.right), scale(y, frame.up))
     towards = madd(direction, -lens.inverse_focus, shift)
     passes = rim_visibility(lens.rim, x, y, dot(towards, frame.right), dot(towards, frame.up))
-    return (
-        add(frame.origin, shift),
-        normalize(towards),
-        passes * irradiance_weight(irradiance, direction, shift, towards),
-    )
+    weight = passes * irradiance_weight(irradiance, direction, shift, towards)
+    return add(frame.origin, shift), normalize(towards), weight

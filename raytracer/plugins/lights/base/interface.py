@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
-from raytracer.core.compiler.dispatch import fold, generic, kernel, optional, switch
+from raytracer.core.compiler.dispatch import fold, generic, kernel, optional, overridable, switch
 from raytracer.core.geometry import spawn_offset
 from raytracer.core.shutter.timing import Timing
 from raytracer.core.vec import Vec3, add, max_abs, norm, scale, sub
@@ -114,37 +114,24 @@ def sample_light(table, scene, point, time, u, draws):
     """Choose a light of the table by the number `u`, and a point on it as seen from `point`: a LightSample."""
 
 
-@generic
+@overridable
 def pdf_hit(table, scene, surface):
     """Return the density in solid angle (1/sr) with which `sample_light` at its vertex before draws an Interaction."""
-
-
-@pdf_hit.register(tuple)
-def pdf_hit_tuple(table, scene, surface):
     return 0.0
 
 
-@generic
+@overridable
 def infinite_radiance(table, scene, direction, pdf, heuristic):
     """Return the radiance of the table's lights at infinity along a ray that leaves the scene.
 
     It is weighted by the heuristic: `pdf` is the density with which the ray's direction was drawn.
     """
-
-
-@infinite_radiance.register(tuple)
-def infinite_radiance_tuple(table, scene, direction, pdf, heuristic):
     return BLACK
 
 
-@generic
+@overridable
 def translate_lights(table: Any, by: Vec3) -> Any:
     """Move a table of lights with the world by a vector (m); by default its `position`, if it has one."""
-    raise NotImplementedError(type(table))
-
-
-@translate_lights.register(tuple)
-def translate_lights_tuple(table: Any, by: Vec3) -> Any:
     if not hasattr(table, "position"):
         return table
     return table._replace(position=table.position + by, choice=translate_choice(table.choice, by))

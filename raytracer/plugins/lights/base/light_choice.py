@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from raytracer.core.compiler.dispatch import generic
+from raytracer.core.compiler.dispatch import generic, overridable
 from raytracer.core.sampling.alias import AliasTable, sample_alias
 from raytracer.core.vec import Vec3
 
@@ -33,14 +33,9 @@ def light_probability_by_power(choice, point, row):
     return choice.pmf[row]
 
 
-@generic
+@overridable
 def translate_choice(choice: Any, by: Vec3) -> Any:
-    """Move the lights by a vector (m); a choice by power does not know where they are."""
-    raise NotImplementedError(type(choice))
-
-
-@translate_choice.register(AliasTable)
-def translate_choice_by_power(choice: AliasTable, by: Vec3) -> AliasTable:
+    """Move the lights by a vector (m); by default, as by power, a choice does not know where they are."""
     return choice
 
 

@@ -54,17 +54,8 @@ def scatter_at(scene, surface, draws):
     """Call `scatter` of an Interaction's material, which is no selector."""
     kinds = len(scene.materials) + selector_count(scene.selectors)
     kind, index = surface.material % kinds, surface.material // kinds
-    return _scatter_any(
-        scene.materials,
-        kind,
-        index,
-        scene.textures,
-        surface.site,
-        surface.direction,
-        surface.normal,
-        surface.front,
-        draws,
-    )
+    site, direction, normal = surface.site, surface.direction, surface.normal
+    return _scatter_any(scene.materials, kind, index, scene.textures, site, direction, normal, surface.front, draws)
 
 
 @kernel
@@ -72,17 +63,8 @@ def evaluate_at(scene, surface, outgoing):
     """Call `evaluate` of an Interaction's material, which is no selector."""
     kinds = len(scene.materials) + selector_count(scene.selectors)
     kind, index = surface.material % kinds, surface.material // kinds
-    return _evaluate_any(
-        scene.materials,
-        kind,
-        index,
-        scene.textures,
-        surface.site,
-        surface.direction,
-        surface.normal,
-        surface.front,
-        outgoing,
-    )
+    site, direction, normal = surface.site, surface.direction, surface.normal
+    return _evaluate_any(scene.materials, kind, index, scene.textures, site, direction, normal, surface.front, outgoing)
 
 
 @kernel

@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 
 from pydantic import BeforeValidator, Field
 
-from raytracer.core.compiler.dispatch import generic, kernel
+from raytracer.core.compiler.dispatch import generic, kernel, overridable
 from raytracer.core.sampling.hashing import ONE_MINUS_EPSILON
 from raytracer.core.vec import Vec3
 from raytracer.optics.glass import Glass
@@ -221,23 +221,15 @@ def scatter(material, direction, normal, front, draws):
     """Sample the direction in which light goes on that arrives along `direction`: a Scatter."""
 
 
-@generic
+@overridable
 def evaluate(material, direction, normal, front, outgoing):
     """Evaluate f |cos| by channel toward `outgoing`, and the pdf (1/sr) of `scatter`; both 0 by default."""
-
-
-@evaluate.register(tuple)
-def evaluate_tuple(material, direction, normal, front, outgoing):
     return BLACK, 0.0
 
 
-@generic
+@overridable
 def emission(table, index, front, textures, site):
     """Return the radiance that leaves the surface of material `index` on the side named by `front`; none by default."""
-
-
-@emission.register(tuple)
-def emission_tuple(table, index, front, textures, site):
     return BLACK
 
 

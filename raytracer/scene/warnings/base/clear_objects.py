@@ -117,8 +117,7 @@ def _is_enclosed(survey: SceneSurvey, piece: int, points: Points, direction: Poi
 
     References: Moeller, Trumbore 1997, "Fast, Minimum Storage Ray-Triangle Intersection", JGT 2(1).
     """
-    table = survey.tables[survey.pieces.table[piece]]
-    start, stop = int(survey.pieces.start[piece]), int(survey.pieces.stop[piece])
+    table, start, stop = survey.rows_of(piece)
     odd = np.zeros(len(points), bool)
     frame = np.linalg.svd(direction[None])[2][1:].T
     places = points @ frame
@@ -160,8 +159,7 @@ def _copies(survey: SceneSurvey, piece: int) -> list[Copy]:
 
 def _surface(survey: SceneSurvey, piece: int) -> Points:
     """Sample points (n, 3) of a piece's surface, in its own space."""
-    table = survey.tables[survey.pieces.table[piece]]
-    start, stop = int(survey.pieces.start[piece]), int(survey.pieces.stop[piece])
+    table, start, stop = survey.rows_of(piece)
     base = without_motion(table)
     if isinstance(base, Spheres):
         return np.asarray(base.center[start] + abs(float(base.radius[start])) * _SPHERE)

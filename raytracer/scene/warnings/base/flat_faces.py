@@ -88,8 +88,7 @@ def _of_small(survey: SceneSurvey, chosen: Indices) -> Faces:
 def _of_large(survey: SceneSurvey, piece: int) -> list[Faces]:
     """Collect the faces of a large object that reach into another's box, or all if it has several materials."""
     pieces = survey.pieces
-    table = survey.tables[pieces.table[piece]]
-    start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
+    table, start, stop = survey.rows_of(piece)
     low, high = survey.boxes
     slack = OFFSET_ULPS * float(pieces.reach[piece])
     near = (low <= pieces.high[piece] + slack).all(axis=1) & (high >= pieces.low[piece] - slack).all(axis=1)
@@ -124,11 +123,10 @@ def extremes(points: Any) -> tuple[Any, Any]:
 
 def _of_copies(survey: SceneSurvey, piece: int) -> Faces:
     """Collect the faces of an object wherever instances place it."""
-    pieces, instances = survey.pieces, survey.packed.scene.instances
+    instances = survey.packed.scene.instances
     assert instances is not None
     shown = survey.placed(piece)
-    table = survey.tables[pieces.table[piece]]
-    start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
+    table, start, stop = survey.rows_of(piece)
     pose = survey.poses[shown]
     points = np.einsum("nij,rkj->nrki", pose[:, :3, :3], outline(table, start, stop)) + pose[:, None, None, :3, 3]
     material = np.broadcast_to(table.material[start:stop], points.shape[:2])

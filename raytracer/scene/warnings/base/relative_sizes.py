@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.core.primitives.spheres import Spheres
+from raytracer.plugins.cameras.base.interface import project
+from raytracer.plugins.lights.base.interface import Lights
 from raytracer.scene.warnings.base.primitive_points import Points, coordinate_extents, normals, outline, without_motion
 from raytracer.scene.warnings.base.survey import SceneSurvey
 
@@ -133,6 +135,8 @@ def _objects_within_offset(
 def _copies(survey: SceneSurvey, piece: int) -> tuple[Points, Points]:
     """Compute centres (n, 3) and radii (n,) of a piece wherever it is placed."""
     middle, half = survey.pieces.middle[piece], survey.pieces.half[piece]
+    if survey.pieces.group[piece] < 0:
+        return np.asarray(middle[None]), np.asarray(half[None])
     shown = survey.placed(piece)
     pose = survey.poses[shown]
     return pose[:, :3, :3] @ middle + pose[:, :3, 3], survey.scales[shown] * half
@@ -141,8 +145,7 @@ def _copies(survey: SceneSurvey, piece: int) -> tuple[Points, Points]:
 def _reach_below(survey: SceneSurvey, ground: int, middle: Points, radius: Points) -> Points:
     """Compute a ground's largest coordinate (n,) (m) where balls lie on it, of several faces the least; 0 beside."""
     pieces = survey.pieces
-    table = survey.tables[pieces.table[ground]]
-    start, stop = int(pieces.start[ground]), int(pieces.stop[ground])
+    table, start, stop = survey.rows_of(ground)
     reach = coordinate_extents(table, start, stop)
     base = without_motion(table)
     if isinstance(base, Spheres):
@@ -164,3 +167,54 @@ def _reach_below(survey: SceneSurvey, ground: int, middle: Points, radius: Point
         on = (height <= slack) & (beside <= slack)
         result[place] = reach[on].min() if on.any() else 0.0
     return np.asarray(result)
+
+
+# ---- Lights to which this does not matter
+
+
+_MOST_COPIES = 256
+"""Most instances of a light that are examined; one with more counts as seen."""
+
+_TIMES = (0.0, 0.5, 1.0)
+"""Fractions of the exposure at which a camera that moves is asked what it sees."""
+
+
+class UnseenLightFinder:
+    """Finder of lights that only next-event estimation reaches: neither camera rays nor mirrors show them.
+
+    Other rays that hit them weigh next to nothing in MIS: next-event estimation samples a light that is small in the
+    sky with a far higher density than any rough surface scatters with.
+
+    References: Veach 1997, thesis, eq. 9.8 (the balance heuristic).
+    """
+
+    def __init__(self, survey: SceneSurvey) -> None:
+        self._survey = survey
+        lights = survey.packed.scene.lights
+        self._is_all = isinstance(lights, Lights) and not any(
+            look.has_delta_bsdf() for look in survey.packed.resolved_materials.values()
+        )
+
+    def is_only_light_sampled(self, piece: int) -> bool:
+        """Tell if a piece is a light that next-event estimation samples, and that is seen in no other way."""
+        survey = self._survey
+        if not self._is_all:
+            return False
+        look, table = survey.material_of(piece), survey.tables[survey.pieces.table[piece]]
+        if look is None or not look.is_emissive() or look.has_non_delta_bsdf() or without_motion(table) is not table:
+            return False
+        places, _ = _copies(survey, piece)
+        return len(places) <= _MOST_COPIES and not any(self._is_seen(place) for place in places)
+
+    def _is_seen(self, place: Points) -> bool:
+        """Tell if the camera may see what is at a place (3,): it stands before it, and not far beside the picture."""
+        film = self._survey.spec.film
+        for time in _TIMES:
+            x, y, depth = project(self._survey.packed.scene.camera, tuple(map(float, place)), time)
+            if math.isnan(x + y):
+                if depth > 0.0:
+                    return True
+            elif abs(x / film.width - 0.5) < 1.0 and abs(y / film.height - 0.5) < 1.0:
+                # What is out of focus shows half a picture beside its place, at most.
+                return True
+        return False

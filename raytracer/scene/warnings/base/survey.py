@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import cached_property, reduce
-from typing import NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,6 +142,11 @@ class SceneSurvey:
             return np.empty(0, np.int64)
         return np.flatnonzero(instances.group == self.pieces.group[piece])
 
+    def rows_of(self, piece: int) -> tuple[Any, int, int]:
+        """Return the table of a piece, its first row, and that after its last."""
+        pieces = self.pieces
+        return self.tables[pieces.table[piece]], int(pieces.start[piece]), int(pieces.stop[piece])
+
     def spec_of(self, piece: int) -> ShapeSpec:
         """Return the object that a piece is, or is part of."""
         return self.packed.items[int(self.pieces.item[piece])].spec
@@ -188,8 +193,7 @@ class SceneSurvey:
 
     def contains(self, piece: int, points: Points) -> NDArray[np.bool_]:
         """Find points (n, 3) of its space that are inside of a piece (n,); none unless it is a sphere or convex."""
-        table = self.tables[self.pieces.table[piece]]
-        start, stop = int(self.pieces.start[piece]), int(self.pieces.stop[piece])
+        table, start, stop = self.rows_of(piece)
         base = without_motion(table)
         if isinstance(base, Spheres):
             away = np.linalg.norm(points - base.center[start], axis=1)
