@@ -116,13 +116,14 @@ def chart_groups(study: LensStudy) -> tuple[ChartGroup, ...]:
             tuple(_mtf_charts(study)),
         ),
     )
-    shown = [group for group in all_groups if group.charts]
-    if len(study.first_order) > 1:
-        # The plane is the last letter of the keys of charts.
-        for place, group in enumerate(shown):
-            titled = (replace(one, title=f"{one.title}, in the plane of {one.key[-1]}") for one in group.charts)
-            shown[place] = group._replace(charts=tuple(titled))
-    return tuple(shown)
+    several = len(study.first_order) > 1
+    return tuple(_title_meridians(group) if several else group for group in all_groups if group.charts)
+
+
+def _title_meridians(group: ChartGroup) -> ChartGroup:
+    """Add the plane to the titles of charts of a lens with cylinders: the last letter of their keys."""
+    charts = (replace(chart, title=f"{chart.title}, in the plane of {chart.key[-1]}") for chart in group.charts)
+    return group._replace(charts=tuple(charts))
 
 
 def _by_wavelength(
