@@ -282,8 +282,7 @@ def _check_visible_index(glass: Glass) -> Glass:
         first = int(np.argmax(wrong))
         raise ValueError(
             f"gives the index {ior[first]:.4g} at {_VISIBLE_NM[first]:g} nm: from 360 to 830 nm it must be between "
-            f"1 and "
-            f"{MAX_INDEX:g}"
+            f"1 and {MAX_INDEX:g}"
         )
     return glass
 

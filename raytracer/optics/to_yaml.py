@@ -34,7 +34,9 @@ def spec_to_plain(spec: Spec) -> dict[str, Any]:
 def value_to_plain(value: Any) -> Any:
     """Convert a part of a scene as `spec_to_plain` does."""
     if isinstance(value, Spec):
-        return {key: value_to_plain(getattr(value, key)) for key in _keys(value)}
+        # A kind always has its type.
+        given = value.model_fields_set | {"type"}
+        return {key: value_to_plain(getattr(value, key)) for key in _order(type(value)) if key in given}
     if isinstance(value, Transform):
         return (
             [value_to_plain(step) for step in value.steps] if value.matrix is None else {"matrix": _list(value.matrix)}
@@ -52,15 +54,9 @@ def _list(values: Any) -> list[Any]:
     return [value if type(value) is float else value_to_plain(value) for value in values]
 
 
-def _keys(spec: Spec) -> list[str]:
-    """List the keys that a mapping was given, type and name first; a kind always has its type."""
-    given = spec.model_fields_set
-    return [key for key in _order(type(spec)) if key in given or key == "type"]
-
-
 @cache
 def _order(kind: type[Spec]) -> list[str]:
-    """List the keys of a kind, in the order in which they are written."""
+    """List the keys of a kind, in the order in which they are written: type and name first."""
     keys = kind.own_keys_first()
     return [key for key in _FIRST if key in keys] + [key for key in keys if key not in _FIRST]
 

@@ -228,7 +228,10 @@ class AdaptiveRender:
                     self._reached = True
                     return
             in_time = self._growth_in_time()
-            growth = min(self._growth_for_noise(estimate), in_time, self._max_spp / queue.samples)
+            growth = min(in_time, self._max_spp / queue.samples)
+            if noise is not None and estimate is not None:
+                # If evenly, to reach the error asked for.
+                growth = min(growth, float((estimate.error / noise) ** (2.0 / estimate.exponent)))
             if growth <= 1.0:
                 return
             report(growth * queue.done, estimate)
@@ -241,12 +244,6 @@ class AdaptiveRender:
             queue.render_to(self.adaptive_state.goals, self._deadline)
             if queue.done == before:
                 return
-
-    def _growth_for_noise(self, estimate: ErrorEstimate | None) -> float:
-        """Return the factor by which the samples are to grow, if evenly, to reach the error asked for."""
-        if self._noise is None or estimate is None:
-            return math.inf
-        return float((estimate.error / self._noise) ** (2.0 / estimate.exponent))
 
     def _growth_in_time(self) -> float:
         """Return the factor by which the samples may grow, if evenly, until the deadline."""

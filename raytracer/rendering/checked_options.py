@@ -25,19 +25,6 @@ class CheckedOptions(RenderOptions):
     window: Window
     max_spp: int | None
 
-    def check_aovs(self) -> None:
-        """Check that all pixels get as many samples, if an AOV needs that.
-
-        Raises
-        ------
-        InputError : they do not.
-        """
-        if self.is_adaptive and self.aovs:
-            from raytracer.kernel.aovs.base.interface import per_sample_aovs
-
-            for name in per_sample_aovs(self.aovs):
-                raise InputError(f"the AOV {name} needs as many samples in every pixel: give spp and no noise")
-
 
 def check_options(spec: SceneSpec, options: RenderOptions) -> tuple[SceneSpec, CheckedOptions]:
     """Check the options of a render of a scene, and return the scene with its spp and seed as asked for.

@@ -1,7 +1,7 @@
 """Trace one sample of a picture again, and log its path: for `rt render --pixel X,Y --sample K --debug`."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -126,7 +126,9 @@ def trace_sample(
     taken = spec.render.spp
     if sample is None:
         compile_kernel(scene, scratch)
-        sample = _suspicious_sample(list(replay_samples(scene, scratch, x, y, taken)))
+        packets = list(replay_samples(scene, scratch, x, y, taken))
+        is_dropped = np.isnan(np.concatenate([packet.weights for packet in packets]))
+        sample = int(np.argmax(is_dropped)) if is_dropped.any() else brightest_sample(packets)
     compile_kernel(scene, scratch, make_workspace(scene, path_log.path_log(0, 1)))
     # Without a limit of its samples, a picture is taken in whole packets of them.
     rows = log_path(scene, scratch, x, y, sample, options.spp_limit(spec))
@@ -134,14 +136,6 @@ def trace_sample(
     events = [decoder.event(row) for row in rows]
     first_non_finite = next((number for number, event in enumerate(events) if event["not_finite"]), None)
     return PathTrace((x, y), sample, taken, tuple(events[-1]["value"]), events, first_non_finite)
-
-
-def _suspicious_sample(packets: Sequence[Any]) -> int:
-    """Find the first sample that is not finite, or else the brightest."""
-    weights = np.concatenate([packet.weights for packet in packets])
-    if np.isnan(weights).any():
-        return int(np.argmax(np.isnan(weights)))
-    return brightest_sample(packets)
 
 
 class _EventDecoder:

@@ -66,7 +66,11 @@ def render_image(call: ImageOptions) -> Image:
     """
     with SampleBar(always=True) as bar, _compile_bar(call.progress is True):
         spec = load(call.scene) if isinstance(call.scene, str | os.PathLike) else call.scene
-        writer = _make_checkpoint_writer(call.checkpoint, resume=call.resume)
+        if call.resume and call.checkpoint is None:
+            raise InputError("resume needs checkpoint, the file to go on from")
+        writer = None
+        if call.checkpoint is not None:
+            writer = CheckpointWriter(call.checkpoint, resume=call.resume, always=True, say=_warn_of_checkpoint)
         prepared = prepare_scene(
             spec,
             call,
@@ -183,7 +187,11 @@ def prepare_scene(
     check_development(packed.spec, checked.window)
     effects = effects_of(packed.spec, packed.scene)
     timer.lap("pack")
-    checked.check_aovs()
+    if checked.is_adaptive and checked.aovs:
+        from raytracer.kernel.aovs.base.recording import per_sample_aovs
+
+        for name in per_sample_aovs(checked.aovs):
+            raise InputError(f"the AOV {name} needs as many samples in every pixel: give spp and no noise")
     pixels = checked.window.pixels if max_pixels is None else min(checked.window.pixels, max_pixels)
     picture = memory_budget.picture_memory(
         packed, pixels, checked.max_spp, checked.aovs, denoise=checked.denoise, with_checkpoints=with_checkpoints
@@ -211,20 +219,6 @@ def _compile_bar(is_shown: bool) -> Iterator[None]:
     """Show the compiler's progress in a `with` block, if there is to be a bar."""
     with CompileBar(always=True, quiet=not is_shown) as bar, watch_compilation(bar.show):
         yield
-
-
-def _make_checkpoint_writer(checkpoint: str | os.PathLike[str] | None, *, resume: bool) -> CheckpointWriter | None:
-    """Make the writer of a checkpoint, if there is to be one.
-
-    Raises
-    ------
-    InputError : there is nothing to resume from.
-    """
-    if checkpoint is None:
-        if resume:
-            raise InputError("resume needs checkpoint, the file to go on from")
-        return None
-    return CheckpointWriter(checkpoint, resume=resume, always=True, say=_warn_of_checkpoint)
 
 
 def _warn_of_checkpoint(sentence: str) -> None:

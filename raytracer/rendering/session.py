@@ -87,7 +87,11 @@ class RenderSession:
         state = ResumableState(self._prepared, self._queue, self._timer, self._preview)
         self._resume(state)
         deadline = self._render_with_checkpoints(state)
-        self._write_last_checkpoint(state)
+        if self._writer is not None:
+            with self._pool.stop_on_interrupt():
+                self._writer.finish(state)
+            if self._writer.info is not None:
+                self._timer.lap("keep")
         if not self._options.is_adaptive:
             # Those of a packet that is not whole, which no checkpoint can hold.
             self._queue.render_passes(self._spec.render.spp, deadline)
@@ -126,15 +130,6 @@ class RenderSession:
                 queue.render_passes(state.goal if writer is not None else self._spec.render.spp, deadline)
         self._timer.lap("render")
         return deadline
-
-    def _write_last_checkpoint(self, state: ResumableState) -> None:
-        """Write the checkpoint at the end of the render."""
-        if self._writer is None:
-            return
-        with self._pool.stop_on_interrupt():
-            self._writer.finish(state)
-        if self._writer.info is not None:
-            self._timer.lap("keep")
 
     def _finish(self, outcome: Outcome) -> Rendered:
         """Develop the picture, and complete the statistics."""

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.embree import PACKET
 from raytracer.core.sampling import SAMPLERS
 from raytracer.film.window import Window
 from raytracer.kernel.path_state import Workspace
@@ -49,13 +48,8 @@ def render_tiles(
 
     Raises
     ------
-    ValueError : a window is empty or too large, or `keep` has another number.
     KeyboardInterrupt : as soon as the tiles in work are finished.
     """
-    if any(not 0 < edge <= TILE_SIZE for w in windows for edge in (w.right - w.left, w.bottom - w.top)):
-        raise ValueError(f"windows have 1 to {TILE_SIZE} pixels a side")
-    if any(n % PACKET or not 0 < n <= spp for n in keep):
-        raise ValueError(f"means can be kept at multiples of {PACKET} samples up to {spp}, got {tuple(keep)}")
     scene = prepared.scene._replace(sampler=SAMPLERS[prepared.spec.render.sampler](seed, spp))
     shape = (len(windows), TILE_SIZE, TILE_SIZE)
     mean, m2 = np.zeros((*shape, 3)), np.zeros((*shape, 3))

@@ -35,16 +35,16 @@ class WorkerPool:
     failure : the reason why a cluster ended the work before its time; None if it did not.
     """
 
-    def __init__(self, threads: int, tick: Callable[[], None] | None = None, *, scene: Scene | None = None) -> None:
+    def __init__(self, threads: int, tick: Callable[[], None] = lambda: None, *, scene: Scene | None = None) -> None:
         """Make a pool that has no work yet.
 
-        tick : called ten times a second while there is work.
+        tick : to be called about ten times a second while there is work.
         scene : that the threads' workspaces are made for.
         """
         self.threads = threads
         self.interrupted = False
         self.failure: str | None = None
-        self._tick, self._scene = tick, scene
+        self.tick, self._scene = tick, scene
         self._stopped = threading.Event()
         self._film_lock = threading.Condition()
         self._active_writers, self._is_reading = 0, False
@@ -95,11 +95,6 @@ class WorkerPool:
             with self._film_lock:
                 self._is_reading = False
                 self._film_lock.notify_all()
-
-    def tick(self) -> None:
-        """Call the function that is to be called about ten times a second."""
-        if self._tick is not None:
-            self._tick()
 
     def run_remote(
         self,

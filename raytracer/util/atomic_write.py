@@ -50,12 +50,7 @@ def is_special(path: Path) -> bool:
 
 @contextlib.contextmanager
 def wrap_os_errors(path: str | Path) -> Iterator[None]:
-    """Turn errors of the system into an OutputError that says in one sentence why `path` cannot be written.
-
-    Raises
-    ------
-    OutputError : the system raised an error.
-    """
+    """Turn errors of the system into an OutputError that says in one sentence why `path` cannot be written."""
     try:
         yield
     except (OSError, RuntimeError) as error:

@@ -52,8 +52,7 @@ class PathSandbox(NamedTuple):
         """Say that a name leads out of the sandbox, and how to allow it."""
         return (
             f"{format_value(name)} leads out of {self.root}, where files may be named; to allow it: --allow-files "
-            f"FOLDER "
-            f"(allow_files=[...] in Python), or a file {ROOT_MARKER} in the folder that holds both"
+            f"FOLDER (allow_files=[...] in Python), or a file {ROOT_MARKER} in the folder that holds both"
         )
 
 

@@ -91,12 +91,7 @@ def run_in_thread(work: Callable[[], T], while_waiting: Callable[[], object] | N
 
 
 def raise_interrupt() -> NoReturn:
-    """Interrupt the main thread, which calls this.
-
-    Raises
-    ------
-    KeyboardInterrupt : always.
-    """
+    """Raise KeyboardInterrupt in the main thread, which calls this."""
     raise KeyboardInterrupt
 
 
@@ -150,12 +145,7 @@ class SignalWatcher:
         return self._first_action is action
 
     def raise_if_interrupted(self) -> None:
-        """Raise KeyboardInterrupt if a signal has come; once.
-
-        Raises
-        ------
-        KeyboardInterrupt : one has.
-        """
+        """Raise KeyboardInterrupt if a signal has come; once."""
         if self.signal_number is not None and not self._is_raised:
             self._is_raised = True
             raise KeyboardInterrupt

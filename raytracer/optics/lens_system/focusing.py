@@ -133,7 +133,8 @@ def _image_distance(lens: LensSurfaces, distance: float, towards_film: bool, how
     ValueError : none of the light gets through.
     """
     product, squares, count = 0.0, 0.0, 0
-    for across in _planes(lens):
+    is_round = lens.shapes is None or np.array_equal(lens.shapes.quadric[:, 0], lens.shapes.quadric[:, 1])
+    for across in "y" if is_round else "xy":
         pencil = _Pencil(lens, distance, towards_film, across)
         where, slopes = pencil.spot() if how == "rms" else pencil.zone()
         product, squares = product + float(where @ slopes), squares + float(slopes @ slopes)
@@ -142,12 +143,6 @@ def _image_distance(lens: LensSurfaces, distance: float, towards_film: bool, how
         raise ValueError(f"no light of a point {distance:g} mm before the lens gets through it")
     # Least squares of heights + behind x slopes; for a single ray, where it meets the axis.
     return -product / squares if squares > 0.0 else math.inf
-
-
-def _planes(lens: LensSurfaces) -> str:
-    """List the planes in which light is traced: one if the lens is round."""
-    shapes = lens.shapes
-    return "y" if shapes is None or np.array_equal(shapes.quadric[:, 0], shapes.quadric[:, 1]) else "xy"
 
 
 def film_position(lens: Lens, how: str = "marginal", *, stop_radius: float | None = None) -> float:

@@ -265,7 +265,11 @@ class Lens:
             vertex[self.focus.first - 1 : self.focus.last] -= shift
             if (np.diff(vertex) < 0.0).any():
                 raise ValueError(f"the focusing group of the lens cannot move by {shift:g} mm: surfaces would meet")
-        indices = self._indices() if dispersion and self.disperses() else None
+        indices = None
+        if dispersion and self.disperses():
+            wavelengths = np.arange(FIRST_WAVELENGTH, LAST_WAVELENGTH + STEP, STEP)
+            columns = [np.broadcast_to(glass.ior(wavelengths), wavelengths.shape) for glass in self._glasses()]
+            indices = Indices(np.ascontiguousarray(np.stack(columns, axis=1)), FIRST_WAVELENGTH, STEP)
         layers = (
             pack_coatings([element.coating for element in self.elements], packed.ior.tolist()) if coatings else None
         )
@@ -294,12 +298,6 @@ class Lens:
     def _glasses(self) -> list[Glass]:
         """List the media before the first surface, and behind each."""
         return [AIR, *(element.glass for element in self.elements)]
-
-    def _indices(self) -> Indices:
-        """Tabulate the indices of its glasses by wavelength."""
-        wavelengths = np.arange(FIRST_WAVELENGTH, LAST_WAVELENGTH + STEP, STEP)
-        columns = [np.broadcast_to(glass.ior(wavelengths), wavelengths.shape) for glass in self._glasses()]
-        return Indices(np.ascontiguousarray(np.stack(columns, axis=1)), FIRST_WAVELENGTH, STEP)
 
 
 def _pack_shapes(rows: Sequence[Element]) -> SurfaceShapes | None:

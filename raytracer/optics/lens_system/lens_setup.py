@@ -62,11 +62,6 @@ def _max_passing_height(lens: LensSurfaces) -> float:
     return low
 
 
-def _focal_length(lens: LensSurfaces) -> float:
-    """Compute the absolute focal length (mm)."""
-    return abs(cardinal_points(lens).focal_length)
-
-
 def f_number_of(lens: LensSurfaces) -> float:
     """Compute the f-number of a lens as it is packed.
 
@@ -74,7 +69,7 @@ def f_number_of(lens: LensSurfaces) -> float:
     ------
     ValueError : it has no focal length, or no light gets through.
     """
-    return _focal_length(lens) / (2.0 * _max_passing_height(lens))
+    return abs(cardinal_points(lens).focal_length) / (2.0 * _max_passing_height(lens))
 
 
 def widest_f_number(lens: Lens) -> float:
@@ -90,7 +85,7 @@ def stop_radius_for(lens: Lens, f_number: float) -> float:
     ValueError : the lens does not open so far, or has no focal length.
     """
     packed = lens.packed()
-    length, widest = _focal_length(packed), _max_passing_height(packed)
+    length, widest = abs(cardinal_points(packed).focal_length), _max_passing_height(packed)
     opens_to = length / (2.0 * widest)
     if not opens_to <= f_number < math.inf:
         raise ValueError(f"the lens opens to f/{opens_to:.4g}, and cannot be set to f/{f_number:g}")

@@ -1,6 +1,7 @@
 """Render one scene on a cluster: prepare its workers, send them jobs, and receive the results."""
 
 import hashlib
+import pickle
 import time
 import uuid
 from collections import deque
@@ -112,7 +113,7 @@ class ClusterExecutor:
         self._client, self._warn, self._strict = client, warn, options.strict
         self._patience, self._say = patience, say
         whole = bundle(spec)
-        digests = {name: worker.content_digest(content) for name, content in whole.files.items()}
+        digests = {name: hashlib.sha256(content).hexdigest() for name, content in whole.files.items()}
         self._contents = {digests[name]: content for name, content in whole.files.items()}
         request = worker.PrepareRequest(
             "", whole.text, whole.name, digests, tuple(options.aovs), options.denoise, fingerprint()
@@ -181,7 +182,9 @@ class ClusterExecutor:
                     jobs.is_exhausted = True
                     return
                 sent = _SubmittedJob(job)
-            future = self._submit(worker.run_job, self._request.key, worker.pickle_job(sent.job), workers=list(ready))
+            # Pickled, as the scheduler, which reads what passes through it, need not know a job's classes.
+            job_bytes = pickle.dumps(sent.job, pickle.HIGHEST_PROTOCOL)
+            future = self._submit(worker.run_job, self._request.key, job_bytes, workers=list(ready))
             if future is None:
                 jobs.retries.append(sent)
                 return

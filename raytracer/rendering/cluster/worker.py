@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from raytracer.core.embree import Accel
     from raytracer.kernel.packed_scene import Scene
     from raytracer.kernel.pixel_accumulator import FilmView
-    from raytracer.rendering.tile_job import TileJob, TileResult
+    from raytracer.rendering.tile_job import TileResult
     from raytracer.scene.cache import RenderCache
 
 _MAX_SCENES = 4
@@ -155,11 +155,6 @@ def dask_setup(worker: object) -> None:
     importlib.import_module("raytracer.rendering.compilation")
 
 
-def pickle_job(job: "TileJob") -> bytes:
-    """Pickle a job for `run_job`: the scheduler, which reads what passes through it, need not know its classes."""
-    return pickle.dumps(job, pickle.HIGHEST_PROTOCOL)
-
-
 def run_job(key: str, pickled_job: bytes) -> "tuple[str, TileResult | None]":
     """Run a job, and return the worker's address and the result; None if the scene is not prepared here."""
     from distributed import get_worker
@@ -181,11 +176,6 @@ def run_job(key: str, pickled_job: bytes) -> "tuple[str, TileResult | None]":
 def publish_file(content: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the content of a file, as a Dask result that workers hand on to each other."""
     return content
-
-
-def content_digest(content: bytes) -> str:
-    """Return the sha256 by which a file's content is named."""
-    return hashlib.sha256(content).hexdigest()
 
 
 def _scene_folder(request: PrepareRequest) -> Path:

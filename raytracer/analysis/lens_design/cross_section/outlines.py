@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.optics.glass import Glass
 from raytracer.optics.lens_system.lens import Element
 from raytracer.report.palette import CROWN, FLINT, PLAIN_GLASS
 
@@ -136,16 +135,12 @@ def glass_outline(front: Element, back: Element, places: Point, plane: SectionAx
         above = [Line((before, reach)), Line((behind, reach))]
         below = [Line((behind, -reach)), Line((before, -reach))]
     outline = (*pieces, *above, Line(top), *down, *below, Line(start))
-    fill, title = _glass_style(front.glass)
-    opacity = 0.3 + 0.25 * min(1.0, max(0.0, float(front.glass.ior()) - 1.4) / 0.5)
-    return Outline(start, outline, fill, opacity, title)
-
-
-def _glass_style(glass: Glass) -> tuple[str, str]:
-    """Choose the fill of a glass, and write its name, index and Abbe number."""
+    glass = front.glass
     index = float(glass.ior())
-    if not glass.disperses():
-        return PLAIN_GLASS, f"n = {index:.4f}"
-    abbe = glass.abbe()
-    name = f"{glass.name}: " if any(c.isalpha() for c in glass.name) else ""
-    return (CROWN if abbe > 50.0 else FLINT), f"{name}n = {index:.4f}, V = {abbe:.1f}"
+    fill, title = PLAIN_GLASS, f"n = {index:.4f}"
+    if glass.disperses():
+        fill = CROWN if glass.abbe() > 50.0 else FLINT
+        name = f"{glass.name}: " if any(c.isalpha() for c in glass.name) else ""
+        title = f"{name}{title}, V = {glass.abbe():.1f}"
+    opacity = 0.3 + 0.25 * min(1.0, max(0.0, index - 1.4) / 0.5)
+    return Outline(start, outline, fill, opacity, title)

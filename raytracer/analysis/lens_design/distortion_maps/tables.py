@@ -51,8 +51,6 @@ def fitted_points(grid: PixelGrid) -> FloatArray:
     return np.stack([x.ravel(), y.ravel()], axis=-1)
 
 
-# ---- Tables
-
 Ideal = Literal["rectilinear", "equidistant"]
 
 # Step of numerical derivatives (tangents).

@@ -14,8 +14,6 @@ from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
 
 Curve = NDArray[np.float64]
 
-FULL_FRAME = (36.0, 24.0)
-
 
 class Settings(NamedTuple):
     """Settings of a study.
@@ -34,7 +32,7 @@ class Settings(NamedTuple):
 
     f_number: float | None = None
     focus_distance_mm: float = float("inf")
-    sensor_mm: tuple[float, float] = FULL_FRAME
+    sensor_mm: tuple[float, float] = (36.0, 24.0)
     wavelengths_nm: tuple[float, ...] = (LINE_D, LINE_F, LINE_C)
     fields: tuple[float, ...] = (0.0, 0.35, 0.5, 0.7, 0.85, 1.0)
     rays: int = 64

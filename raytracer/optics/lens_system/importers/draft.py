@@ -61,11 +61,7 @@ class Draft:
         try:
             return LensSpec.model_validate(values)
         except ValidationError as error:
-            raise self._scene_error(error) from None
-
-    def _scene_error(self, error: ValidationError) -> SceneError:
-        """Convert an error of pydantic to one with the line of the surface."""
-        first = error.errors(include_url=False)[0]
+            first = error.errors(include_url=False)[0]
         path = [step for step in first["loc"] if isinstance(step, str | int)]
         line, key = None, str(path[0]) if path else ""
         if len(path) > 1 and path[0] == "surfaces" and isinstance(path[1], int):
@@ -73,7 +69,7 @@ class Draft:
             # Behind the surface pydantic names its type, which a key may be called like.
             below = path[3:] if path[2:3] == [surface.get("type")] else path[2:]
             key = ".".join(map(str, below))
-        return SceneError(error_sentence(first), file=self.file, line=line, key=key)
+        raise SceneError(error_sentence(first), file=self.file, line=line, key=key)
 
 
 def rounded(value: float) -> float:
