@@ -188,7 +188,7 @@ def prepare_scene(
     effects = effects_of(packed.spec, packed.scene)
     timer.lap("pack")
     if checked.is_adaptive and checked.aovs:
-        from raytracer.kernel.aovs.base.recording import per_sample_aovs
+        from raytracer.kernel.aovs.base.interface import per_sample_aovs
 
         for name in per_sample_aovs(checked.aovs):
             raise InputError(f"the AOV {name} needs as many samples in every pixel: give spp and no noise")
