@@ -1,6 +1,7 @@
 """Variants of a scene that each leave out one effect."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from raytracer.analysis.cost import removals
 from raytracer.analysis.cost.variant import Variant
@@ -62,6 +63,11 @@ _VARIANTS = {
             removals.without_environment_sampling,
             same_mean=True,
         ),
+        _of_spec(
+            "dispersion",
+            "glass bends all colours alike, as it bends the yellow of the d line",
+            removals.without_dispersion,
+        )._replace(material_variant=removals.with_constant_index),
         _of_spec("motion_blur", "nothing moves: all is as in the middle of the exposure", removals.without_motion),
         _of_spec(
             "shutter_curve",
@@ -154,9 +160,6 @@ class EffectVariants:
         if dot:
             make = _FAMILIES.get(family)
             return "it is what the scene is made of" if make is None else make(self, name, kind)
-        if name == "dispersion":
-            what = "glass bends all colours alike, as it bends the yellow of the d line"
-            return _of_spec(name, what, removals.without_dispersion)._replace(material_variant=removals.ConstantIndex())
         # By their values: a key that is set to what it is by default makes no other picture here.
         if name == "motion_blur" and dict(removals.without_motion(self._spec)) == dict(
             removals.with_still_camera(self._spec)
@@ -184,11 +187,15 @@ class EffectVariants:
             what = f"of a {kind} material only the one is left that comes nearest to it"
         else:
             return "it is nothing that is seen, so no other material is near to it"
-        return Variant(name, "effect", what, needs_repacking=True, material_variant=removals.PlainMaterials(kind))
+        return Variant(
+            name, "effect", what, needs_repacking=True, material_variant=partial(removals.without_material, kind=kind)
+        )
 
     def _texture(self, name: str, kind: str) -> Variant:
         what = f"in place of {kind} textures there are their means"
-        return Variant(name, "effect", what, needs_repacking=True, material_variant=removals.MeanTextures(kind))
+        return Variant(
+            name, "effect", what, needs_repacking=True, material_variant=partial(removals.with_mean_textures, kind=kind)
+        )
 
     def _light(self, name: str, kind: str) -> Variant:
         module = LIGHTS.specs()[kind].__module__

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from raytracer.analysis.cost.removals import in_all_materials
 from raytracer.kernel.packed_scene import Scene
 from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.pack.world import MaterialVariant
@@ -48,4 +49,5 @@ class Variant(NamedTuple):
         ------
         InputError : it cannot be packed.
         """
-        return pack(self.spec_variant(spec), assets=assets, material_variant=self.material_variant)
+        change = self.material_variant and in_all_materials(self.material_variant)
+        return pack(self.spec_variant(spec), assets=assets, material_variant=change)
