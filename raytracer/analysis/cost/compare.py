@@ -16,7 +16,7 @@ from raytracer.analysis.cost.predict import PictureCost, widened, with_sampling_
 from raytracer.analysis.cost.results import Prediction, VariantResult
 from raytracer.analysis.cost.rounds import Rounds
 from raytracer.analysis.cost.tile_sample import TileSample
-from raytracer.analysis.cost.variant import Variant
+from raytracer.analysis.cost.variants import Variant
 from raytracer.core.error_estimate import (
     UNKNOWN,
     ConvergenceRate,

@@ -1,4 +1,4 @@
-"""Removals of effects from checked scenes, packed scenes and materials, for the variants of `effect_variants.py`.
+"""Removals of effects from checked scenes, packed scenes and materials, for the variants of `variants.py`.
 
 A shutter without its ramps is open for as long as with them, so that the picture keeps its brightness.
 """

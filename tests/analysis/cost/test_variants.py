@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from raytracer.analysis.cost.removals import in_all_materials
-from raytracer.analysis.cost.variant import Variant
-from raytracer.analysis.cost.variants import REPEAT, make_variants, reasons_without_variant, select_variants
+from raytracer.analysis.cost.variants import REPEAT, Variant, make_variants, reasons_without_variant, select_variants
 from raytracer.core.fresnel import REC709_LUMINANCE
 from raytracer.core.motion.resolve import matrix_at
 from raytracer.film.window import Window
