@@ -77,8 +77,7 @@ def _of_image(image: Image, name: str) -> ComparedImage:
     picture = ComparedImage(name, image.radiance, False, image, **_recorded(image.settings))
     if image.variance is None:
         return picture._replace(unknown="was denoised" if "denoised" in image.settings else "has no variance")
-    variance, unknown = _usable(image.variance)
-    return picture._replace(variance=variance, unknown=unknown)
+    return _with_variance(picture, image.variance)
 
 
 def _of_file(path: Path) -> ComparedImage:
@@ -97,8 +96,7 @@ def _of_file(path: Path) -> ComparedImage:
         return picture
     if "denoised" in settings:
         return picture._replace(unknown="was denoised")
-    variance, unknown = _usable(given)
-    return picture._replace(variance=variance, unknown=unknown)
+    return _with_variance(picture, given)
 
 
 def _recorded(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -130,7 +128,7 @@ def _measured_gains(settings: Mapping[str, Any]) -> dict[str, Array]:
     return measured if is_known else {}
 
 
-def _usable(variance: Array) -> tuple[Array | None, str]:
+def _with_variance(picture: ComparedImage, variance: Array) -> ComparedImage:
     if np.isfinite(variance).all():
-        return variance, ""
-    return None, "does not know its variance everywhere, which takes two samples in every pixel"
+        return picture._replace(variance=variance, unknown="")
+    return picture._replace(unknown="does not know its variance everywhere, which takes two samples in every pixel")

@@ -152,11 +152,10 @@ def compare_images(
 
     # Compare with the criteria.
     failures = []
-    bounds = [(checks.above, False, "above"), (checks.below, True, "below")]
-    for limits, is_below, word in bounds:
+    for word, limits in (("above", checks.above), ("below", checks.below)):
         for name, bound in limits.items():
             value = measured[name]
-            if math.isnan(value) or (value < bound if is_below else value > bound):
+            if math.isnan(value) or (value > bound if word == "above" else value < bound):
                 failures.append(f"{METRICS[name].label} is {value:.4g}, {word} {bound:g}")
     has_bounds = bool(checks.above or checks.below)
     is_tested = checks.test or (checks.test is None and not has_bounds and verdict is not None)

@@ -16,7 +16,7 @@ from raytracer.analysis.cost.predict import PictureCost, widened, with_sampling_
 from raytracer.analysis.cost.results import Prediction, VariantResult
 from raytracer.analysis.cost.rounds import Rounds
 from raytracer.analysis.cost.tile_sample import TileSample
-from raytracer.analysis.cost.variant import Variant
+from raytracer.analysis.cost.variants import Variant
 from raytracer.core.error_estimate.intervals import (
     UNKNOWN,
     Interval,
@@ -67,13 +67,6 @@ class Baseline(NamedTuple):
         return ConvergenceRate(self.prediction.linear, self.prediction.steep, self.prediction.early)
 
 
-class NoiseFloor(NamedTuple):
-    """Differences, as logarithms of ratios, that two equal scenes have shown."""
-
-    time: float
-    noise: float
-
-
 def baseline_result(basis: Baseline) -> VariantResult:
     """Make the row of the scene itself."""
     prediction, spp = basis.prediction, basis.scene.spp
@@ -95,16 +88,17 @@ def baseline_result(basis: Baseline) -> VariantResult:
     )
 
 
-def noise_floor(basis: Baseline, control: Rounds) -> NoiseFloor:
-    """Measure how much the repeat of the same differs from the scene, by its own random numbers."""
-    return NoiseFloor(
-        _largest_log(ratio_interval(*_times(basis, control), basis.seed)),
-        _largest_log(_noise_ratio(basis, control.mean, basis.scene.mean)),
-    )
+def noise_floor(basis: Baseline, control: Rounds) -> tuple[float, float]:
+    """Measure how much equal scenes differ in time and noise, as logarithms of ratios, by the repeat of the same."""
+    time = _largest_log(ratio_interval(*_times(basis, control), basis.seed))
+    return time, _largest_log(_noise_ratio(basis, control.mean, basis.scene.mean))
 
 
-def variant_result(basis: Baseline, variant: Variant, rounds: Rounds, sampler: str, floor: NoiseFloor) -> VariantResult:
+def variant_result(
+    basis: Baseline, variant: Variant, rounds: Rounds, sampler: str, floor: tuple[float, float]
+) -> VariantResult:
     """Compare a variant, which is rendered with a `sampler`, with the scene."""
+    time_floor, noise_floor = floor
     in_rounds = ratio_interval(*_times(basis, rounds), basis.seed)
     time = _with_tiles(basis, in_rounds, rounds)
     per_sample = map_interval(time, lambda ratio: ratio * basis.prediction.per_sample.value)
@@ -118,7 +112,7 @@ def variant_result(basis: Baseline, variant: Variant, rounds: Rounds, sampler: s
         per_ray=_per_ray(basis, per_sample, rays),
         rays_per_sample=rays,
         time=time,
-        time_differs=_differs(in_rounds, floor.time) and is_steady(*_times(basis, rounds)),
+        time_differs=_differs(in_rounds, time_floor) and is_steady(*_times(basis, rounds)),
         spp=rounds.spp,
         bias=None if is_certain else UNKNOWN,
         unbiased=variant.same_mean,
@@ -129,7 +123,7 @@ def variant_result(basis: Baseline, variant: Variant, rounds: Rounds, sampler: s
         return replace(result, why_blank=_UNSEEN)
     noise_ratio = _noise_ratio(basis, rounds.mean, basis.scene.mean)
     resolved = resolved and not variant.same_mean
-    noise_differs = _differs(noise_ratio, floor.noise)
+    noise_differs = _differs(noise_ratio, noise_floor)
     # What is no measurable difference makes none in what follows from it.
     rate = _rate(basis, rounds, sampler) if noise_differs else basis.rate
     seconds = (per_sample if result.time_differs else basis.prediction.per_sample).value

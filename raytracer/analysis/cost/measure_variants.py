@@ -14,7 +14,7 @@ from raytracer.analysis.cost.results import Prediction, VariantResult
 from raytracer.analysis.cost.rounds import Rounds, VariantRun, prepare_variant, render_rounds
 from raytracer.analysis.cost.study_options import StudySettings
 from raytracer.analysis.cost.tile_sample import choose_subset, round_workload
-from raytracer.analysis.cost.variant import Variant
+from raytracer.analysis.cost.variants import Variant
 from raytracer.film.window import Window
 from raytracer.scene.scene_assets import SceneAssets
 from raytracer.util.errors import InputError

@@ -38,21 +38,6 @@ _DATA = {
 _NAMES = (PAGE, *_DATA, "convergence.svg", "error_map.png", "error_map.npy")
 
 
-class Cell(NamedTuple):
-    """A cell of the table of variants.
-
-    main : its text.
-    ends : its interval as text.
-    sort : the number that it is sorted by, as text; "" sorts last.
-    number : True for a number, False for words.
-    """
-
-    main: str
-    ends: str
-    sort: str
-    number: bool
-
-
 def _key(value: float | None) -> str:
     """Format a number to sort by: infinity after all others; "" if it is unknown."""
     if value is None or math.isnan(value):
@@ -60,19 +45,24 @@ def _key(value: float | None) -> str:
     return repr(float(value)) if math.isfinite(value) else "1e308"
 
 
-def _cells(variant: VariantResult, columns: Mapping[str, formatting.Column]) -> list[Cell]:
+def _cell(main: str, ends: str = "", sort: str = "", *, number: bool = False) -> dict[str, Any]:
+    """Make a cell: its text, its interval as text, the number that it is sorted by, "" being last."""
+    return {"main": main, "ends": ends, "sort": sort, "number": number}
+
+
+def _cells(variant: VariantResult, columns: Mapping[str, formatting.Column]) -> list[dict[str, Any]]:
     if variant.failed:
         said = ["not measured", one_line(variant.failed), *[""] * len(columns)]
-        return [Cell(words, "", "", False) for words in said[: len(columns)]]
+        return [_cell(words) for words in said[: len(columns)]]
     cells = []
     for key, column in columns.items():
         main, bracket, ends = column.words(variant).partition(" (")
         value = getattr(variant, key)
         value = value.value if isinstance(value, Interval) else value
         if key == "target_seconds":
-            cells.append(Cell(main, one_line(variant.why_blank), _key(value), value is not None))
+            cells.append(_cell(main, one_line(variant.why_blank), _key(value), number=value is not None))
         else:
-            cells.append(Cell(main, bracket.strip() + ends, _key(value), column.is_number))
+            cells.append(_cell(main, bracket.strip() + ends, _key(value), number=column.is_number))
     return cells
 
 

@@ -1,4 +1,4 @@
-"""Removals of effects from checked scenes, packed scenes and materials, for the variants of `effect_variants.py`.
+"""Removals of effects from checked scenes, packed scenes and materials, for the variants of `variants.py`.
 
 A shutter without its ramps is open for as long as with them, so that the picture keeps its brightness.
 """
@@ -20,6 +20,7 @@ from raytracer.plugins.materials.base.interface import MaterialSpec, SelectorSpe
 from raytracer.plugins.materials.lambertian import Lambertian
 from raytracer.plugins.media.base.interface import NO_MEDIUM
 from raytracer.plugins.textures.base.interface import ParameterPacker, Texturable, TextureSpec, textures_of
+from raytracer.scene.pack.world import MaterialVariant
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.fields import Triple
 from raytracer.schema.registry import CAMERAS
@@ -153,7 +154,24 @@ def _mean(packer: ParameterPacker, field: Texturable, value: str | TextureSpec) 
     return tuple(mean.tolist()) if isinstance(field.plain, Triple) else float(mean @ np.array(REC709_LUMINANCE))
 
 
-def _plain(material: MaterialSpec, packer: ParameterPacker, kind: str | None = None) -> MaterialSpec:
+def in_all_materials(change: MaterialVariant) -> MaterialVariant:
+    """Make a change of a material one of the materials in it too; each is changed once."""
+    changed: dict[MaterialSpec, MaterialSpec] = {}
+
+    def change_all(material: MaterialSpec, packer: ParameterPacker) -> MaterialSpec:
+        if material not in changed:
+            new = change(material, packer)
+            if new is not material:
+                new = change_all(new, packer)
+            elif isinstance(material, SelectorSpec):
+                new = material.with_children([change_all(child, packer) for child in material.children().values()])
+            changed[material] = new
+        return changed[material]
+
+    return change_all
+
+
+def with_mean_textures(material: MaterialSpec, packer: ParameterPacker, kind: str | None = None) -> MaterialSpec:
     """Replace textures of a material, all or those of a kind, by their means."""
     means = {
         use.key: _mean(packer, use.field, use.value)
@@ -163,61 +181,24 @@ def _plain(material: MaterialSpec, packer: ParameterPacker, kind: str | None = N
     return material.with_mean_textures(means) if means else material
 
 
-class _MaterialReplacer:
-    """A replacement of materials, of a kind or of any, those in others first; each is made once."""
-
-    def __init__(self, kind: str = "") -> None:
-        self._kind = kind
-        self._replaced: dict[MaterialSpec, MaterialSpec] = {}
-
-    def __call__(self, material: MaterialSpec, packer: ParameterPacker) -> MaterialSpec:
-        if material not in self._replaced:
-            self._replaced[material] = self._of(material, packer)
-        return self._replaced[material]
-
-    def _of(self, material: MaterialSpec, packer: ParameterPacker) -> MaterialSpec:
-        changed = self.change(material, packer)
-        if changed is not material:
-            return self(changed, packer)
-        if not isinstance(material, SelectorSpec):
-            return material
-        return material.with_children([self(child, packer) for child in material.children().values()])
-
-    def change(self, material: MaterialSpec, packer: ParameterPacker) -> MaterialSpec:
-        """Return the replacement of one material, whatever is in it."""
-        raise NotImplementedError
+def without_material(material: MaterialSpec, packer: ParameterPacker, kind: str) -> MaterialSpec:
+    """Replace a material of a kind: by what a selector mostly shows, else by a matte surface."""
+    if material.type != kind:
+        return material
+    if isinstance(material, SelectorSpec):
+        return material.nearest_child(packer) or material
+    even = with_mean_textures(material, packer)
+    albedo = reflectance(row(type(even).pack([even], ParameterPacker()), 0, None, _ANYWHERE))
+    # Normal and bump maps are an effect of their own.
+    maps = {key: getattr(material, key) for key in MaterialSpec.model_fields if key != "type"}
+    return Lambertian().model_copy(update=maps | {"albedo": tuple(np.clip(albedo, 0.0, 1.0).tolist())})
 
 
-class MeanTextures(_MaterialReplacer):
-    """Replacement of the textures of a kind by their means."""
-
-    def change(self, material: MaterialSpec, packer: ParameterPacker) -> MaterialSpec:
-        return _plain(material, packer, self._kind)
-
-
-class PlainMaterials(_MaterialReplacer):
-    """Replacement of the materials of a kind: by what a selector mostly shows, else by a matte surface."""
-
-    def change(self, material: MaterialSpec, packer: ParameterPacker) -> MaterialSpec:
-        if material.type != self._kind:
-            return material
-        if isinstance(material, SelectorSpec):
-            return material.nearest_child(packer) or material
-        even = _plain(material, packer)
-        albedo = reflectance(row(type(even).pack([even], ParameterPacker()), 0, None, _ANYWHERE))
-        # Normal and bump maps are an effect of their own.
-        maps = {key: getattr(material, key) for key in MaterialSpec.model_fields if key != "type"}
-        matte = {"albedo": tuple(np.clip(albedo, 0.0, 1.0).tolist())}
-        return Lambertian().model_copy(update=maps | matte)
-
-
-class ConstantIndex(_MaterialReplacer):
-    """Replacement of dispersive glass by glass that refracts all colours as it refracts the d line."""
-
-    def change(self, material: MaterialSpec, packer: ParameterPacker) -> MaterialSpec:
-        fixed = {
-            key: constant_index_glass(float(value.ior()))
-            for key, value in material.__dict__.items()
-            if isinstance(value, Glass) and value.disperses()
-        }
-        return material.model_copy(update=fixed) if fixed else material
+def with_constant_index(material: MaterialSpec, _: ParameterPacker) -> MaterialSpec:
+    """Replace dispersive glass by glass that refracts all colours as it refracts the d line."""
+    fixed = {
+        key: constant_index_glass(float(value.ior()))
+        for key, value in material.__dict__.items()
+        if isinstance(value, Glass) and value.disperses()
+    }
+    return material.model_copy(update=fixed) if fixed else material

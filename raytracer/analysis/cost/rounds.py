@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from raytracer.analysis.cost.bench import Subject
 from raytracer.analysis.cost.tile_sample import TileSample
-from raytracer.analysis.cost.variant import Variant
+from raytracer.analysis.cost.variants import Variant
 from raytracer.core.embree import PACKET
 from raytracer.film.window import Window
 from raytracer.scene.pack.scene import PackedScene

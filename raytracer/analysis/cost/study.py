@@ -24,8 +24,7 @@ from raytracer.analysis.cost.measure_variants import ComparisonOutcome, measure_
 from raytracer.analysis.cost.predict import PictureCost, predict
 from raytracer.analysis.cost.results import PlanItem, Study
 from raytracer.analysis.cost.study_options import StudyOptions, StudySettings, check_options
-from raytracer.analysis.cost.variant import Variant
-from raytracer.analysis.cost.variants import make_variants, reasons_without_variant, select_variants
+from raytracer.analysis.cost.variants import Variant, make_variants, reasons_without_variant, select_variants
 from raytracer.analysis.cost.warnings import STUDY_WARNINGS, StudyConditions
 from raytracer.core.error_estimate.metric import worst_pixel_share
 from raytracer.core.error_estimate.rates import sampler_exponent

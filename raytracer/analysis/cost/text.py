@@ -3,7 +3,7 @@
 import io
 import math
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from raytracer.analysis.cost import formatting
 from raytracer.analysis.cost.results import Study, VariantResult
@@ -47,8 +47,8 @@ def study_text(study: Study, width: int = 100, colour: bool = False) -> str:
         no_color=not colour,
         _environ={},
     )
-    _line(console, f"{one_line(study.scene)}: {formatting.format_extent(study)}", "bold")
-    _line(console, formatting.headline(study), "bold")
+    console.print(f"{one_line(study.scene)}: {formatting.format_extent(study)}", style="bold")
+    console.print(formatting.headline(study), style="bold")
     for title, items in formatting.plan_sections(study):
         _title(console, title)
         if title == formatting.LEFT_OUT:
@@ -60,7 +60,7 @@ def study_text(study: Study, width: int = 100, colour: bool = False) -> str:
     if study.variants or study.interrupted:
         _title(console, "What each effect and setting costs, against the scene as it is")
         if rounds := formatting.format_rounds(study):
-            _line(console, rounds)
+            console.print(rounds)
     if study.variants:
         _variants(console, study)
     _title(console, "Measured")
@@ -75,15 +75,9 @@ def study_text(study: Study, width: int = 100, colour: bool = False) -> str:
     return "".join(f"{line.rstrip()}\n" for line in file.getvalue().splitlines())
 
 
-def _line(console: "Console", words: str, style: str = "") -> None:
-    from rich.text import Text
-
-    console.print(Text(words, style=style))
-
-
 def _title(console: "Console", words: str) -> None:
     console.print()
-    _line(console, words, "bold")
+    console.print(words, style="bold")
 
 
 def _grid(gap: int = 2) -> "Table":
@@ -99,13 +93,11 @@ def _indented(console: "Console", table: "Table", by: int = 2) -> None:
 
 
 def _pairs(console: "Console", pairs: Iterable[tuple[str, str]], style: str = "") -> None:
-    from rich.text import Text
-
     table = _grid()
-    table.add_column(max_width=max(24, console.width // 3))
-    table.add_column(ratio=1)
-    for first, second in pairs:
-        table.add_row(Text(first, overflow="fold"), Text(second, style=style, overflow="fold"))
+    table.add_column(max_width=max(24, console.width // 3), overflow="fold")
+    table.add_column(ratio=1, overflow="fold", style=style)
+    for pair in pairs:
+        table.add_row(*pair)
     _indented(console, table)
 
 
@@ -122,7 +114,7 @@ def _prediction(console: "Console", study: Study) -> None:
             table.add_row(*row)
         _indented(console, table)
     else:
-        _line(console, "  nothing was measured")
+        console.print("  nothing was measured")
 
     _title(console, "Prediction, with 95 % intervals; compiling apart")
     pairs = formatting.prediction_rows(study.prediction)
@@ -141,11 +133,8 @@ def _variants(console: "Console", study: Study) -> None:
     fits = max((len(formatting.display_name(variant)) + 1 for variant in study.variants), default=0) <= _NAME
     table.add_column("variant", vertical="top", overflow="fold", no_wrap=fits, max_width=None if fits else _NAME)
     for key, column in columns.items():
-        table.add_column(
-            column.title,
-            no_wrap=column.is_number and key != "target_seconds",
-            justify="right" if column.is_number else "left",
-        )
+        justify: Literal["right", "left"] = "right" if column.is_number else "left"
+        table.add_column(column.title, no_wrap=column.is_number and key != "target_seconds", justify=justify)
     for title, variants in formatting.group_variants(study.variants):
         if title:
             table.add_row(Text(title, style="italic", no_wrap=True))

@@ -70,6 +70,7 @@ def gray_code_indices(shape: Sequence[int]) -> Iterator[tuple[int, ...]]:
 def _frames(sweep: Sweep, images: Images) -> Iterator["PIL.Image.Image"]:
     """Draw all images with their captions, each of the first one's size."""
     import PIL.Image
+    import PIL.ImageDraw
 
     chosen = sweep.sliders
     by_index = {result.point.index[: len(chosen)]: result for result in sweep.results}
@@ -84,8 +85,12 @@ def _frames(sweep: Sweep, images: Images) -> Iterator["PIL.Image.Image"]:
                 scale = min(1.0, share, _LARGEST[0] / picture.width, _LARGEST[1] / picture.height)
                 size = max(1, round(scale * picture.width)), max(1, round(scale * picture.height))
             text = min(20, max(10, size[0] // 24))
-            caption = _caption(chosen, index, text, size[0])
-            yield _add_caption(picture, size, caption, text)
+            frame = PIL.Image.new("RGB", (size[0], size[1] + 2 * text), PAPER)
+            fitting = fit_image(picture, size)
+            frame.paste(fitting, ((size[0] - fitting.width) // 2, (size[1] - fitting.height) // 2))
+            place, caption = (size[0] / 2, size[1] + text), _caption(chosen, index, text, size[0])
+            PIL.ImageDraw.Draw(frame).text(place, caption, INK, load_font(text), anchor="mm")
+            yield frame
 
 
 def _caption(chosen: Sequence[Slider], index: Sequence[int], size: int, width: float) -> str:
@@ -93,15 +98,3 @@ def _caption(chosen: Sequence[Slider], index: Sequence[int], size: int, width: f
     values = [slider.labels[number] for slider, number in zip(chosen, index, strict=True)]
     whole = ", ".join(f"{slider.name} {value}" for slider, value in zip(chosen, values, strict=True))
     return truncate_text(whole if load_font(size).getlength(whole) <= width else ", ".join(values), size, width)
-
-
-def _add_caption(picture: "PIL.Image.Image", size: tuple[int, int], caption: str, text: int) -> "PIL.Image.Image":
-    import PIL.Image
-    import PIL.ImageDraw
-
-    frame = PIL.Image.new("RGB", (size[0], size[1] + 2 * text), PAPER)
-    picture = fit_image(picture, size)
-    frame.paste(picture, ((size[0] - picture.width) // 2, (size[1] - picture.height) // 2))
-    place = size[0] / 2, size[1] + text
-    PIL.ImageDraw.Draw(frame).text(place, caption, INK, load_font(text), anchor="mm")
-    return frame

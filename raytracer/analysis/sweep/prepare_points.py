@@ -2,9 +2,9 @@
 
 import math
 import os
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, NamedTuple
 
@@ -95,7 +95,10 @@ class PointPreparer:
         once the scene is packed, took 40 to 100 ms of its neighbour's render, at any switch interval.
         """
         takes_long = self._options.cluster is not None
-        with _abandoned_on_exit(ThreadPoolExecutor(1, "preparer")) as preparer:
+        with ExitStack() as stack:
+            preparer = ThreadPoolExecutor(1, "preparer")
+            # After an interrupt its work, which may be the compiler's, is abandoned.
+            stack.callback(preparer.shutdown, wait=False, cancel_futures=True)
             following: Future[PreparedPoint] | None = None
             for place, number in enumerate(numbers):
                 # Here, where an interrupt ends what may take long.
@@ -170,12 +173,3 @@ def camera_numbers(packed: PackedScene) -> dict[str, float]:
     """Return numbers of a packed scene's camera, as in `rt explain`."""
     view = CameraView(packed.spec, packed.scene.camera, packed.shift)
     return view.numbers | depth_of_field(view, None) | exposure(packed.spec)
-
-
-@contextmanager
-def _abandoned_on_exit(pool: ThreadPoolExecutor) -> Iterator[ThreadPoolExecutor]:
-    """Abandon the work of a pool on exit: after an interrupt it may be that of the compiler."""
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)

@@ -18,8 +18,7 @@ from raytracer.analysis.cost.bench import Bench
 from raytracer.analysis.cost.results import Study, VariantResult
 from raytracer.analysis.cost.study import study
 from raytracer.analysis.cost.study_options import StudyOptions
-from raytracer.analysis.cost.variant import Variant
-from raytracer.analysis.cost.variants import REPEAT
+from raytracer.analysis.cost.variants import REPEAT, Variant
 from raytracer.core.error_estimate.metric import error_weights, mse_by_tile
 from raytracer.film.window import Window
 from raytracer.rendering.compilation import CompiledScene, compile_scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from raytracer.analysis.cost.bench import Purpose, Subject, seeds
-from raytracer.analysis.cost.compare import NoiseFloor, _differs, is_steady
+from raytracer.analysis.cost.compare import _differs, is_steady
 from raytracer.analysis.cost.measure_scene import warm_up
 from raytracer.analysis.cost.rounds import prepare_variant, shares_accel, variant_order
 from raytracer.analysis.cost.tile_sample import replicate_workload, round_workload, sample_levels
@@ -92,7 +92,7 @@ def test_the_pace_is_that_of_the_whole_picture(tmp_path: Path) -> None:
     ],
 )
 def test_a_difference_is_more_than_equal_variants_show(ratio: Interval, floor: float, *, differs: bool) -> None:
-    assert _differs(ratio, NoiseFloor(floor, floor).time) is differs
+    assert _differs(ratio, floor) is differs
 
 
 TRIANGLES = """\

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from raytracer.analysis.cost.variant import Variant
-from raytracer.analysis.cost.variants import REPEAT, make_variants, reasons_without_variant, select_variants
+from raytracer.analysis.cost.removals import in_all_materials
+from raytracer.analysis.cost.variants import REPEAT, Variant, make_variants, reasons_without_variant, select_variants
 from raytracer.core.fresnel import REC709_LUMINANCE
 from raytracer.core.motion.resolve import matrix_at
 from raytracer.film.window import Window
@@ -501,12 +501,12 @@ def replaced_materials(spec: SceneSpec, name: str) -> list[Any]:
     """The materials that are packed of a variant, in the order of the objects."""
     packed = pack(spec)
     (variant,) = [item for item in make_variants(packed.spec, packed) if item.name == name]
-    made: list[Any] = []
+    assert variant.material_variant is not None
+    change, made = in_all_materials(variant.material_variant), list[Any]()
 
     def noted(material: MaterialSpec, book: Any) -> MaterialSpec:
-        assert variant.material_variant is not None
-        made.append(variant.material_variant(material, book))
-        return variant.material_variant(material, book)
+        made.append(change(material, book))
+        return made[-1]
 
     pack(spec, material_variant=noted)
     return made
