@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.optics.lens_system.first_order import cardinal_points
-from raytracer.optics.lens_system.focusing import focus, nearest_focus
+from raytracer.optics.lens_system.focusing import image_distance
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.plugins.cameras.thin_lens import ThinLens
 from tests.hard_cases.harness import Measured, hard_case
@@ -172,10 +172,9 @@ def _is_right(lens: LensSurfaces, distance: float) -> bool:
     points = cardinal_points(lens)
     back, away = points.rear_focus - float(lens.vertex[-1]), distance + points.front_focus
     expected = back + points.focal_length**2 / away if away > 0.0 else math.inf
-    try:
-        found = focus(lens, distance, _TRAVEL)
-    except ValueError as error:
-        return expected > _TRAVEL and f"{nearest_focus(lens, _TRAVEL):g} mm" in str(error)
+    if distance < image_distance(lens, _TRAVEL, towards_film=False):
+        return expected > _TRAVEL
+    found = image_distance(lens, distance, towards_film=True)
     return expected <= _TRAVEL and abs(found / expected - 1.0) <= 0.02
 
 

@@ -121,7 +121,7 @@ class _Pencil(NamedTuple):
         return self.trace(low * _SPOT)[1:] if low > 0.0 else (np.empty(0), np.empty(0))
 
 
-def _image_distance(lens: LensSurfaces, distance: float, towards_film: bool, how: str = "marginal") -> float:
+def image_distance(lens: LensSurfaces, distance: float, towards_film: bool, how: str = "marginal") -> float:
     """Find the distance (mm) behind the last surface on its way at which light of a point of the axis meets the axis.
 
     distance (mm) : of the point before the first surface on the way; may be infinite.
@@ -153,7 +153,7 @@ def film_position(lens: Lens, how: str = "marginal", *, stop_radius: float | Non
     ValueError : the lens makes no image of what is far away.
     """
     packed = lens.packed(stop_radius=stop_radius)
-    behind = _image_distance(packed, math.inf, towards_film=True, how=how)
+    behind = image_distance(packed, math.inf, towards_film=True, how=how)
     if not 0.0 < behind < math.inf:
         raise ValueError("the lens makes no image behind it of what is far away")
     return float(packed.vertex[-1]) + behind
@@ -195,7 +195,7 @@ def _defocus(packed: LensSurfaces, away: float, film: float, how: str) -> float:
     away (mm) : distance of the plane before the front vertex.
     """
     try:
-        behind = _image_distance(packed, away, towards_film=True, how=how) if away > 0.0 else math.nan
+        behind = image_distance(packed, away, towards_film=True, how=how) if away > 0.0 else math.nan
     except ValueError:
         return math.nan
     return 1.0 / behind - 1.0 / (film - float(packed.vertex[-1]))
@@ -314,7 +314,7 @@ def focus_shift(lens: Lens, distance: float, how: str = "marginal", *, stop_radi
     packed = lens.packed(stop_radius=stop_radius)
     if lens.focus.moves != "group":
         away = distance - _pupil_distance(packed)
-        return FocusState(0.0, float(packed.vertex[-1]) + _image_distance(packed, away, towards_film=True, how=how))
+        return FocusState(0.0, float(packed.vertex[-1]) + image_distance(packed, away, towards_film=True, how=how))
 
     def off(shift: float) -> float:
         moved = _shift_group(lens, packed, shift)

@@ -11,11 +11,11 @@ from raytracer.optics.lens_system.first_order import cardinal_points, entrance_p
 from raytracer.optics.lens_system.focusing import (
     FOCUS_CRITERIA,
     _find_root,
-    _image_distance,
     film_position,
     focus_lens,
     focus_range,
     focus_shift,
+    image_distance,
 )
 from raytracer.optics.lens_system.lens import Element, Focus, Lens
 from raytracer.optics.lens_system.ray_tracing import trace_rays
@@ -88,7 +88,7 @@ def test_a_group_that_moves_brings_planes_to_the_same_film(lens: Lens, how: str)
         # Focused so, the lens makes its image there.
         fixed, place = focus_lens(lens, distance, how)
         packed = fixed.packed()
-        image = _image_distance(packed, distance - entrance_pupil(packed).z, True, how) + packed.vertex[-1]
+        image = image_distance(packed, distance - entrance_pupil(packed).z, True, how) + packed.vertex[-1]
         assert image == pytest.approx(place, abs=0.02 if distance == nearest else 1e-7)
         np.testing.assert_allclose(
             place - packed.vertex, found.film - lens.packed(shift=found.shift).vertex, rtol=0.0, atol=1e-12

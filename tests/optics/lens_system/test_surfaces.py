@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from raytracer.optics.lens_system.first_order import cardinal_points, ray_transfer_matrix
-from raytracer.optics.lens_system.focusing import _image_distance
+from raytracer.optics.lens_system.focusing import image_distance
 from raytracer.optics.lens_system.ray_tracing import refract
 from tests.optics.lens_system.kernels import DOUBLE_GAUSS, DOUBLET, Surface, lens_of, met, pack_surfaces, traced
 
@@ -220,21 +220,21 @@ def test_focus_is_between_that_of_the_axis_and_of_the_rim(distance: float) -> No
     # Newton's equation from the focal points, and the most that spherical aberration shifts focus at f/2: 1 %.
     away = distance + found.front_focus
     paraxial = found.rear_focus - lens.vertex[-1] + found.focal_length**2 / away
-    assert _image_distance(lens, distance, towards_film=True) == pytest.approx(paraxial, rel=0.01)
+    assert image_distance(lens, distance, towards_film=True) == pytest.approx(paraxial, rel=0.01)
     narrow = lens_of(DOUBLE_GAUSS, stop=0.01)
-    assert _image_distance(narrow, distance, towards_film=True) == pytest.approx(paraxial, rel=1e-6)
+    assert image_distance(narrow, distance, towards_film=True) == pytest.approx(paraxial, rel=1e-6)
 
 
 def test_the_image_of_the_image_is_the_object() -> None:
     for stop in (None, 1.0, 1e-3):
         lens = lens_of(DOUBLE_GAUSS, stop=stop)
-        nearest = _image_distance(lens, 60.0, towards_film=False)
+        nearest = image_distance(lens, 60.0, towards_film=False)
         assert nearest > 0.0
-        assert _image_distance(lens, nearest, towards_film=True) == pytest.approx(60.0, rel=1e-3)
+        assert image_distance(lens, nearest, towards_film=True) == pytest.approx(60.0, rel=1e-3)
 
 
 def test_light_that_leaves_diverging_has_its_image_before_the_last_surface() -> None:
     # Only light within 1e-9 mm of the axis would pass two rims that are half a metre apart and not on one line to it.
     glass = pack_surfaces([Surface(-1.0, 500.0, 1.9, 1.0), Surface(1.0, 0.0, 1.0, 1.0)])
     for distance, towards_film in ((10.0, True), (50.0, False), (math.inf, True)):
-        assert _image_distance(glass, distance, towards_film) == pytest.approx(-0.8286, abs=1e-4)
+        assert image_distance(glass, distance, towards_film) == pytest.approx(-0.8286, abs=1e-4)
