@@ -69,7 +69,10 @@ def record_path_log(log, work, sample, event):
     log.state[0] += 1
     log.rows[row, ROUND] = log.state[1]
     store3(log.rows, row, RADIANCE, load3(work.radiance, sample, 0))
-    log.rows[row, 0] = write_event(event, log, work, row)
+    kind, numbers = describe_event(event, log, work)
+    log.rows[row, 0] = kind
+    for column in range(len(numbers)):
+        log.rows[row, FIRST + column] = numbers[column]
 
 
 @optional
@@ -86,16 +89,9 @@ def begin_round_path_log(log, number):
 
 
 @generic
-def write_event(event, log, work, row):
-    """Write what an event holds into a row; returns its kind."""
+def describe_event(event, log, work):
+    """Return the kind of an event, and what it holds: one or more numbers, for the columns from FIRST on."""
     raise NotImplementedError
-
-
-@kernel
-def _write(log, row, numbers):
-    """Write numbers into the columns of a row that depend on its kind."""
-    for column in range(len(numbers)):
-        log.rows[row, FIRST + column] = numbers[column]
 
 
 class CameraRay(NamedTuple):
@@ -125,11 +121,10 @@ def _time_or_nan(time):
     return time
 
 
-@write_event.register(CameraRay)
-def write_event_camera_ray(event, log, work, row):
+@describe_event.register(CameraRay)
+def describe_event_camera_ray(event, log, work):
     place = (event.film_x, event.film_y, _time_or_nan(event.time))
-    _write(log, row, (*place, *event.origin, *event.direction, *event.factors, event.wavelength))
-    return START
+    return START, (*place, *event.origin, *event.direction, *event.factors, event.wavelength)
 
 
 class Retrace(NamedTuple):
@@ -138,9 +133,9 @@ class Retrace(NamedTuple):
     number: int
 
 
-@write_event.register(Retrace)
-def write_event_retrace(event, log, work, row):
-    return RETRACE
+@describe_event.register(Retrace)
+def describe_event_retrace(event, log, work):
+    return RETRACE, (float(event.number),)
 
 
 @kernel
@@ -157,10 +152,9 @@ class Escape(NamedTuple):
     radiance: Vec3
 
 
-@write_event.register(Escape)
-def write_event_escape(event, log, work, row):
-    _write(log, row, (*_logged_ray(log, work), *event.throughput, *event.radiance))
-    return ESCAPE
+@describe_event.register(Escape)
+def describe_event_escape(event, log, work):
+    return ESCAPE, (*_logged_ray(log, work), *event.throughput, *event.radiance)
 
 
 class MediumFlight(NamedTuple):
@@ -182,11 +176,10 @@ class MediumFlight(NamedTuple):
     throughput: Vec3
 
 
-@write_event.register(MediumFlight)
-def write_event_medium_flight(event, log, work, row):
+@describe_event.register(MediumFlight)
+def describe_event_medium_flight(event, log, work):
     flight = (float(event.medium), event.surface_distance, event.distance)
-    _write(log, row, (*_logged_ray(log, work), *flight, *event.weight, *event.throughput))
-    return MEDIUM
+    return MEDIUM, (*_logged_ray(log, work), *flight, *event.weight, *event.throughput)
 
 
 class SurfaceHit(NamedTuple):
@@ -197,15 +190,14 @@ class SurfaceHit(NamedTuple):
     wavelengths: Vec3
 
 
-@write_event.register(SurfaceHit)
-def write_event_surface_hit(event, log, work, row):
+@describe_event.register(SurfaceHit)
+def describe_event_surface_hit(event, log, work):
     surface, hit = event.surface, event.surface.hit
     ids = (float(surface.instance), float(surface.table), float(surface.primitive))
     materials = (1.0 if surface.front else 0.0, float(hit.material), float(surface.material))
     place = (*hit.point, *hit.normal, *hit.shading_normal, hit.u, hit.v, hit.offset)
     seen = (*_logged_ray(log, work), surface.distance, *ids, *place, *materials)
-    _write(log, row, (*seen, *event.throughput, *event.wavelengths))
-    return SURFACE
+    return SURFACE, (*seen, *event.throughput, *event.wavelengths)
 
 
 class Emission(NamedTuple):
@@ -215,10 +207,9 @@ class Emission(NamedTuple):
     weight: float
 
 
-@write_event.register(Emission)
-def write_event_emission(event, log, work, row):
-    _write(log, row, (*event.radiance, event.weight))
-    return EMISSION
+@describe_event.register(Emission)
+def describe_event_emission(event, log, work):
+    return EMISSION, (*event.radiance, event.weight)
 
 
 class Scattering(NamedTuple):
@@ -233,11 +224,10 @@ class Scattering(NamedTuple):
     wavelengths: Vec3
 
 
-@write_event.register(Scattering)
-def write_event_scattering(event, log, work, row):
+@describe_event.register(Scattering)
+def describe_event_scattering(event, log, work):
     scatter = (*event.normal, *event.outgoing, *event.weight, event.pdf)
-    _write(log, row, (*scatter, *event.throughput, event.survival, *event.wavelengths))
-    return SCATTER
+    return SCATTER, (*scatter, *event.throughput, event.survival, *event.wavelengths)
 
 
 class ShadowRay(NamedTuple):
@@ -262,14 +252,13 @@ class ShadowRay(NamedTuple):
     radiance: Vec3
 
 
-@write_event.register(ShadowRay)
-def write_event_shadow_ray(event, log, work, row):
+@describe_event.register(ShadowRay)
+def describe_event_shadow_ray(event, log, work):
     light = event.light
     distance = max(0.0, norm(sub(light.target, event.start)) - light.gap)
     log.ends[event.slot] = distance
     sampled = (*event.start, *light.direction, *light.target, *light.weight, light.pdf)
-    _write(log, row, (*sampled, *event.value, event.pdf, event.weight, *event.radiance, distance))
-    return SHADOW_RAY
+    return SHADOW_RAY, (*sampled, *event.value, event.pdf, event.weight, *event.radiance, distance)
 
 
 class Unoccluded(NamedTuple):
@@ -278,10 +267,9 @@ class Unoccluded(NamedTuple):
     radiance: Vec3
 
 
-@write_event.register(Unoccluded)
-def write_event_unoccluded(event, log, work, row):
-    _write(log, row, event.radiance)
-    return UNOCCLUDED
+@describe_event.register(Unoccluded)
+def describe_event_unoccluded(event, log, work):
+    return UNOCCLUDED, event.radiance
 
 
 class ShadowHit(NamedTuple):
@@ -291,19 +279,18 @@ class ShadowHit(NamedTuple):
     is_through: bool
 
 
-@write_event.register(ShadowHit)
-def write_event_shadow_hit(event, log, work, row):
-    _write_hit(log, row, work.shadows.rays, event.slot)
-    return PASSED_THROUGH if event.is_through else OCCLUDED
+@describe_event.register(ShadowHit)
+def describe_event_shadow_hit(event, log, work):
+    return PASSED_THROUGH if event.is_through else OCCLUDED, _logged_hit(work.shadows.rays, event.slot)
 
 
 @kernel
-def _write_hit(log, row, rays, lane):
-    """Write Embree's ids of a hit, and its distance."""
-    numbers = (embree.GEOMETRY, embree.PRIMITIVE, embree.INSTANCE, embree.PLACEMENT)
-    for column in range(4):
-        log.rows[row, FIRST + column] = embree.load_int(rays, lane, numbers[column])
-    log.rows[row, FIRST + 4] = embree.load_float(rays, lane, embree.TFAR)
+def _logged_hit(rays, lane):
+    """Return Embree's ids of a hit, and its distance."""
+    part = (float(embree.load_int(rays, lane, embree.GEOMETRY)), float(embree.load_int(rays, lane, embree.PRIMITIVE)))
+    array = float(embree.load_int(rays, lane, embree.INSTANCE))
+    placement = float(embree.load_int(rays, lane, embree.PLACEMENT))
+    return (*part, array, placement, np.float64(embree.load_float(rays, lane, embree.TFAR)))
 
 
 class Occluded(NamedTuple):
@@ -313,16 +300,15 @@ class Occluded(NamedTuple):
     accel: int
 
 
-@write_event.register(Occluded)
-def write_event_occluded(event, log, work, row):
+@describe_event.register(Occluded)
+def describe_event_occluded(event, log, work):
     probe, shadows = log.probe, work.shadows.rays
     # All of the ray that stands before its end.
     for field in range(embree.TFAR):
         embree.store_float(probe, 0, field, embree.load_float(shadows, event.slot, field))
     embree.store_float(probe, 0, embree.TFAR, log.ends[event.slot])
     embree.intersect(event.accel, probe, 1)
-    _write_hit(log, row, probe, 0)
-    return OCCLUDED
+    return OCCLUDED, _logged_hit(probe, 0)
 
 
 class Finished(NamedTuple):
@@ -339,7 +325,6 @@ class Finished(NamedTuple):
     wavelength: float
 
 
-@write_event.register(Finished)
-def write_event_finished(event, log, work, row):
-    _write(log, row, (*event.clamped, work.weight[log.sample], *event.value, event.wavelength))
-    return FINISHED
+@describe_event.register(Finished)
+def describe_event_finished(event, log, work):
+    return FINISHED, (*event.clamped, work.weight[log.sample], *event.value, event.wavelength)
