@@ -8,17 +8,14 @@ In a scene:
 import math
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.core.compiler.dispatch import generic
 from raytracer.core.vec import norm, normalize, to_world
 from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, camera_ray, project
 from raytracer.plugins.cameras.base.placement import CameraFrame, PlacedSpec, to_camera_space
 from raytracer.schema.fields import Quantity
-from raytracer.schema.spec import field_error
-
-# Where a projection would need an infinite film, or shows two directions at one place (deg).
-_MAX_FOV = {"stereographic": 360.0, "orthographic": 180.0}
+from raytracer.schema.rules import never
 
 
 class Fisheye(PlacedSpec):
@@ -41,17 +38,16 @@ class Fisheye(PlacedSpec):
         default=180.0, description="angle (deg) of a diameter of the circle, up to 360"
     )
 
-    @model_validator(mode="after")
-    def _fov_can_be_shown(self) -> "Fisheye":
-        if self.projection == "stereographic" and self.fov >= _MAX_FOV["stereographic"]:
-            field_error(
-                "fov", "must be less than 360 deg for the stereographic projection, whose picture would be infinite"
-            )
-        if self.projection == "orthographic" and self.fov > _MAX_FOV["orthographic"]:
-            field_error(
-                "fov", "must be at most 180 deg for the orthographic projection, which shows nothing behind the camera"
-            )
-        return self
+    _is_finite = never(
+        "fov",
+        where=lambda camera: camera.projection == "stereographic" and camera.fov >= 360.0,
+        message="must be less than 360 deg for the stereographic projection, whose picture would be infinite",
+    )
+    _shows_each_direction_once = never(
+        "fov",
+        where=lambda camera: camera.projection == "orthographic" and camera.fov > 180.0,
+        message="must be at most 180 deg for the orthographic projection, which shows nothing behind the camera",
+    )
 
     def describe(self, width: int, height: int) -> dict[str, float]:
         radius = 0.5 * min(width, height)

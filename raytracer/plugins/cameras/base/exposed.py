@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.optics.sensor_formats import SENSORS, SensorField, SensorSize, SensorSpec, fit_sensor
 from raytracer.plugins.apertures.base.interface import ApertureSpec
@@ -11,7 +11,7 @@ from raytracer.plugins.cameras.base.interface import Assets
 from raytracer.plugins.cameras.base.placement import PlacedSpec
 from raytracer.schema.fields import Fraction, Name, PositiveLengthOrInf, Quantity
 from raytracer.schema.registry import APERTURES
-from raytracer.schema.rules import exclusive, never
+from raytracer.schema.rules import exclusive, never, only
 from raytracer.schema.spec import field_error
 
 
@@ -40,16 +40,12 @@ class ExposedSpec(PlacedSpec):
         message="iso needs a shutter that is open for some time, such as shutter: 1/125 s",
     )
 
-    @model_validator(mode="after")
-    def _is_no_slower_than_its_sensor(self) -> Any:
-        sensor = self.simulated_sensor()
-        if sensor is not None and self.iso is not None and self.iso < sensor.base_iso:
-            field_error(
-                "iso",
-                f"{self.iso:g} is slower than the simulated sensor can be: give at least its base_iso, "
-                f"{sensor.base_iso:g}, or sensor.base_iso",
-            )
-        return self
+    _is_no_slower_than_its_sensor = only(
+        "iso",
+        where=lambda camera: camera.simulated_sensor() is None or camera.iso >= camera.sensor.base_iso,
+        message="{spec.iso:g} is slower than the simulated sensor can be: give at least its base_iso, "
+        "{spec.sensor.base_iso:g}, or sensor.base_iso",
+    )
 
     def iso_speed(self) -> float | None:
         return self.iso

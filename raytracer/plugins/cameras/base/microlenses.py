@@ -12,9 +12,9 @@ Pizarro, Williams 2013, "Decoding, Calibration and Rectification for Lenselet-Ba
 """
 
 import math
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.lenslets import Lenslets
@@ -22,7 +22,7 @@ from raytracer.film.light_field.views import Pose, Views
 from raytracer.optics.sensor_formats import SensorSize
 from raytracer.plugins.cameras.base.placement import CameraFrame
 from raytracer.schema.fields import Angle, Count, LensLength, PositiveLensLength
-from raytracer.schema.rules import exclusive, requires
+from raytracer.schema.rules import exclusive, never, requires
 from raytracer.schema.spec import Spec, field_error
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 
@@ -91,14 +91,11 @@ class Microlenses(Spec):
         message="arrangement: focused needs the focal_length of the microlenses",
     )
 
-    @model_validator(mode="after")
-    def _is_out_of_focus(self) -> Any:
-        if self.arrangement == "focused" and self.focal_length == self.distance:
-            field_error(
-                "distance",
-                "a sensor in the focal plane of the microlenses sees infinity sharp, not the main lens's image",
-            )
-        return self
+    _is_out_of_focus = never(
+        "distance",
+        where=lambda lenses: lenses.arrangement == "focused" and lenses.focal_length == lenses.distance,
+        message="a sensor in the focal plane of the microlenses sees infinity sharp, not the main lens's image",
+    )
 
     def scaled(self, factor: float) -> "Microlenses":
         """Scale the microlenses by a factor, rounding integers, to an arrangement that suits the main lens."""
