@@ -49,7 +49,7 @@ TAKES: dict[str, set[str]] = {
     "real_lens": {"vignetting", "projection", "dispersion", "flare"},
     "flare": {"dispersion"},
     # Of a material its textures go, what it was made of, the light that it gave, and the holes that it had.
-    "material": {"light_sampling", "passage", "nested_dielectrics"}
+    "material": {"light_sampling", "passage", "nested_dielectrics", "dispersion"}
     | {f"texture.{kind}" for kind in TEXTURES.specs()}
     | {f"material.{kind}" for kind in MATERIALS.specs()},
 }
