@@ -53,7 +53,6 @@ _NOTHING = Candidate(LightSample(BLACK, BLACK, 0.0, BLACK, 0.0), BLACK, 0.0, 0.0
 @generic
 def evaluate_vertex(vertex, scene, work, path, direction):
     """Evaluate what a vertex, an Interaction or a point in a medium, scatters to a direction, and the pdf (1/sr)."""
-    raise NotImplementedError
 
 
 @evaluate_vertex.register(Interaction)

@@ -91,7 +91,6 @@ def begin_round_path_log(log, number):
 @generic
 def describe_event(event, log, work):
     """Return the kind of an event, and what it holds: one or more numbers, for the columns from FIRST on."""
-    raise NotImplementedError
 
 
 class CameraRay(NamedTuple):

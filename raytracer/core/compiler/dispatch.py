@@ -52,16 +52,13 @@ def generic(stub: Callable[..., Any]) -> Any:
 
     Cases are added with `@stub.register(SomeNamedTuple)`.  Called from Python it is `functools.singledispatch`;
     called from a kernel the choice is made while compiling, so nothing is left of it at run time.
-    A case must take the same argument names as the stub.  What that returns is the default for calls from Python; if it
-    has no body, there is none.
+    A case must take the same argument names as the stub, whose body is never run: a class without a case is an
+    error.
     """
 
     @functools.wraps(stub)
     def default(*args):
-        result = stub(*args)
-        if result is None:
-            raise NotImplementedError(f"{stub.__name__} has no case for {type(args[0]).__name__}")
-        return result
+        raise NotImplementedError(f"{stub.__name__} has no case for {type(args[0]).__name__}")
 
     dispatcher = functools.singledispatch(default)
 
@@ -85,11 +82,7 @@ def optional(*absent: Any) -> Any:
         return optional()(absent[0])
 
     def decorated(function: Callable[..., Any]) -> Any:
-        @functools.wraps(function)
-        def stub(*args):
-            """Have no default: the function is a case like others."""
-
-        dispatcher = generic(stub)
+        dispatcher = generic(function)
         for cls in (type(None), *absent):
             dispatcher.register(cls)(function)
         return dispatcher

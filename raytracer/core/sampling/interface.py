@@ -10,16 +10,13 @@ from raytracer.core.compiler.dispatch import generic
 @generic
 def pixel_key(sampler, x, y):
     """Return the key of the random numbers of pixel (x, y): a uint64 below 2^32; x and y are 0 or more."""
-    raise NotImplementedError
 
 
 @generic
 def sample_1d(sampler, key, index, dimension):
     """Draw number `dimension` of sample `index` of the pixel with `key`: float64, uniform in [0, 1)."""
-    raise NotImplementedError
 
 
 @generic
 def sample_2d(sampler, key, index, dimension):
     """Draw two numbers for `dimension` of sample `index` of the pixel with `key`: float64, uniform in [0, 1)^2."""
-    raise NotImplementedError

@@ -128,7 +128,6 @@ def build_view_table(setting: LensSetup, pupils: Any) -> RadialViewTable | Quadr
 @generic
 def direction_to_film(view, right, up, forward):
     """Find the place of the film (mm, upright) that sees a direction; NaN if there is none."""
-    raise NotImplementedError
 
 
 @direction_to_film.register(RadialViewTable)

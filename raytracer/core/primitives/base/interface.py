@@ -22,7 +22,6 @@ def hit(table, primitive, origin, direction, near, time, accuracy):
 
     `time` is None if nothing in the scene moves, else the fraction of the shutter's opening that has passed, 0 to 1.
     """
-    raise NotImplementedError
 
 
 @overridable
@@ -39,13 +38,11 @@ def prefetch_primitive(table, primitive):
 @generic
 def sample_point(table, primitive, reference, u1, u2, time):
     """Sample a point on an emitting primitive for a shaded point at `reference`: a geometry.LightPoint."""
-    raise NotImplementedError
 
 
 @generic
 def pdf_point(table, primitive, reference, point, normal, time):
     """Compute the density of `sample_point` in solid angle (1/sr) at `point`, whose outside normal is `normal`."""
-    raise NotImplementedError
 
 
 @overridable
@@ -65,13 +62,13 @@ reproject_at_time_any = switch(reproject_at_time)
 @generic
 def geometry(table: Any) -> Geometry:
     """Make the buffers that Embree is built from."""
-    raise NotImplementedError(type(table))
+    raise NotImplementedError
 
 
 @generic
 def areas(table: Any) -> NDArray[np.float64]:
     """Compute the area of each primitive (m^2), shape (n,)."""
-    raise NotImplementedError(type(table))
+    raise NotImplementedError
 
 
 @overridable

@@ -85,13 +85,11 @@ class LightLayer(NamedTuple):
 @generic
 def measure(quantity, scene, seen):
     """Measure a quantity of an Interaction, a camera path's first: up to three numbers, by the layer's columns."""
-    raise NotImplementedError
 
 
 @generic
 def light_part(part, value, direct):
     """Return the part of a sample's radiance `value`, of which `direct` came by at most two path segments."""
-    raise NotImplementedError
 
 
 # Columns of work.aov_values: 1 if the sample met a surface, 1 if its direct light has been stored, that, what is saved
@@ -131,7 +129,6 @@ def _direct_light(work, sample):
 @generic
 def add_layer(layer, spectrum, work, sample, x, y):
     """Add the recorded values of a sample to the pixel (x, y) of a layer."""
-    raise NotImplementedError
 
 
 @add_layer.register(MeanLayer)

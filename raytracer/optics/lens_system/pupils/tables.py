@@ -46,7 +46,6 @@ def sample_exit_pupil(pupils, x, y, u, v):
     -------
     (x, y, area of the ellipse that points are drawn from); the area is 0 where no light arrives.  mm and mm2.
     """
-    raise NotImplementedError
 
 
 @sample_exit_pupil.register(RadialPupilTable)
