@@ -155,8 +155,8 @@ def near_focus_with_a_small_aperture(trials: int) -> list[Measured]:
     A search that shoots a ray from the film at a fixed part of the rear element meets nothing but the stop's blades,
     and goes on moving the film: it ends with the first film that a ray gets through from, or never.  Ours follows one
     ray, through a part of what is open, from the plane to the film, so that there is nothing to search; and what is
-    nearer than the film's travel allows is found by a ray the other way.  Right is what is within 2 % of Newton's equation, which is
-    more than the spherical aberration of this lens at f/2 shifts.
+    nearer than the film's travel allows is found by a ray the other way.  Right is what is within 2 % of Newton's
+    equation, which is more than the spherical aberration of this lens at f/2 shifts.
     """
     stuck, wrong = 0, 0
     for stop in _STOPS:
