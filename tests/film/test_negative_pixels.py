@@ -100,7 +100,7 @@ def test_the_filter_rings_beside_an_edge_by_its_lobes(folder: Path, capsys: pyte
 def test_what_nothing_explains_is_a_fault(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("raytracer.rendering.diagnostics.negative_causes", lambda spec, scene: ())
+    monkeypatch.setattr("raytracer.rendering.session.negative_causes", lambda spec, scene: ())
     words = ["render", "lamp.yaml", "-q", "-o", "a.npy", "--crop", "4,2,12,9"]
     assert main([*words, "--stats", "a.json"]) == 0
     x, y = json.loads(Path("a.json").read_text())["negative"]["pixel"]

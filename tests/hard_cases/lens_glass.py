@@ -154,9 +154,9 @@ def near_focus_with_a_small_aperture(trials: int) -> list[Measured]:
 
     A search that shoots a ray from the film at a fixed part of the rear element meets nothing but the stop's blades,
     and goes on moving the film: it ends with the first film that a ray gets through from, or never.  Ours follows one
-    ray, through a part of what is open, from the plane to the film, so that there is nothing to search; and refuses,
-    with the nearest distance that the film's travel allows.  Right is what is within 2 % of Newton's equation, which is
-    more than the spherical aberration of this lens at f/2 shifts.
+    ray, through a part of what is open, from the plane to the film, so that there is nothing to search; and what is
+    nearer than the film's travel allows is found by a ray the other way.  Right is what is within 2 % of Newton's
+    equation, which is more than the spherical aberration of this lens at f/2 shifts.
     """
     stuck, wrong = 0, 0
     for stop in _STOPS:
@@ -172,7 +172,8 @@ def _is_right(lens: LensSurfaces, distance: float) -> bool:
     points = cardinal_points(lens)
     back, away = points.rear_focus - float(lens.vertex[-1]), distance + points.front_focus
     expected = back + points.focal_length**2 / away if away > 0.0 else math.inf
-    if distance < image_distance(lens, _TRAVEL, towards_film=False):
+    # What is sharp with the film as far away as it goes is the nearest plane.
+    if not distance >= image_distance(lens, _TRAVEL, towards_film=False):
         return expected > _TRAVEL
     found = image_distance(lens, distance, towards_film=True)
     return expected <= _TRAVEL and abs(found / expected - 1.0) <= 0.02

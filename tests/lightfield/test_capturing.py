@@ -257,7 +257,7 @@ def test_pixels_below_zero_are_counted_over_all_bands(tmp_path: Path, monkeypatc
         places.append([left, top])
         return 2, {"lowest": -float(len(places)), "pixel": [left, top], "causes": ["filter"]}
 
-    monkeypatch.setattr("raytracer.rendering.diagnostics.find_negative_pixels", find)
+    monkeypatch.setattr("raytracer.rendering.session.find_negative_pixels", find)
     captured = capture(scene(), tmp_path / "x.lf", memory=5 * VIEW_BYTES, threads=2, spp=1)
     assert captured.bands == len(places) > 1
     assert captured.stats.negative_pixels == 2 * len(places)
