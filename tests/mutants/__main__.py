@@ -61,7 +61,7 @@ class Outcome(NamedTuple):
     def __str__(self) -> str:
         survived = "SURVIVED" + (f" ({self.fault.reason})" if self.fault.reason else "")
         words = self.error or (f"found by {self.found_by}" if self.found_by else survived)
-        return f"{self.fault.name}: {words} in {self.seconds:.0f} s"
+        return f"{self.fault.name}: {words}, {self.seconds:.0f} s"
 
 
 def copy_checkout(place: Path) -> Path:
@@ -86,8 +86,8 @@ def run_tests(checkout: Path, tests: Sequence[str], cache: Path, limit: float) -
     NoVerdictError : another package than that of the copy is imported there.
     """
     environment = {**os.environ, "PYTHONPATH": str(checkout), "RAYTRACER_CACHE_DIR": str(cache)}
-    code = "import importlib.util as util; print(util.find_spec('raytracer').origin)"
-    imported = subprocess.check_output([sys.executable, "-c", code], cwd=checkout, env=environment, text=True).strip()
+    code = "import importlib.util as util; print(util.find_spec('raytracer').origin, end='')"
+    imported = subprocess.check_output([sys.executable, "-c", code], cwd=checkout, env=environment, text=True)
     if Path(imported) != checkout / "raytracer" / "__init__.py":
         raise NoVerdictError(f"{imported} is imported, and not the copy in {checkout}")
     process = subprocess.Popen(
