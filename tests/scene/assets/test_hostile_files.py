@@ -389,9 +389,10 @@ def test_sparse_strips_fans_and_quantised_coordinates_are_read(tmp_path: Path) -
 
 def test_nodes_are_scaled_then_turned_then_moved(tmp_path: Path) -> None:
     turn, factors, place = (0.1, -0.7, 0.5, 0.4), (2.0, 3.0, 4.0), (5.0, 6.0, 7.0)
-    node = {"mesh": 0, "translation": place, "rotation": turn, "scale": factors}
-    moved = Rotation.from_quat(turn).apply(CORNERS.reshape(3, 3) * factors) + place
-    np.testing.assert_allclose(read_mesh(gltf(tmp_path, nodes=[node])).vertices, moved, rtol=1e-6)
+    node = {"children": [1], "translation": place, "rotation": turn, "scale": factors}
+    nodes = [node, {"mesh": 0, "translation": [1.0, -2.0, 3.0]}]
+    moved = Rotation.from_quat(turn).apply((CORNERS.reshape(3, 3) + [1.0, -2.0, 3.0]) * factors) + place
+    np.testing.assert_allclose(read_mesh(gltf(tmp_path, nodes=nodes)).vertices, moved, rtol=1e-6)
 
 
 def test_sparse_elements_without_data_are_zeros_but_where_they_are_replaced(tmp_path: Path) -> None:
