@@ -388,10 +388,10 @@ def test_sparse_strips_fans_and_quantised_coordinates_are_read(tmp_path: Path) -
 
 
 def test_nodes_are_scaled_then_turned_then_moved(tmp_path: Path) -> None:
-    turn, factors, place = (0.1, -0.7, 0.5, 0.4), (2.0, 3.0, 4.0), (5.0, 6.0, 7.0)
+    turn, factors, place, inner = (0.1, -0.7, 0.5, 0.4), (2.0, 3.0, 4.0), (5.0, 6.0, 7.0), (1.0, -2.0, 3.0)
     node = {"children": [1], "translation": place, "rotation": turn, "scale": factors}
-    nodes = [node, {"mesh": 0, "translation": [1.0, -2.0, 3.0]}]
-    moved = Rotation.from_quat(turn).apply((CORNERS.reshape(3, 3) + [1.0, -2.0, 3.0]) * factors) + place
+    nodes = [node, {"mesh": 0, "translation": inner}]
+    moved = Rotation.from_quat(turn).apply(np.add(CORNERS.reshape(3, 3), inner) * factors) + place
     np.testing.assert_allclose(read_mesh(gltf(tmp_path, nodes=nodes)).vertices, moved, rtol=1e-6)
 
 
