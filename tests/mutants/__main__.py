@@ -8,10 +8,7 @@ A test that fails counts only if it passes without the fault.  A run that takes 
 """
 
 import argparse
-import os
 import re
-import shutil
-import subprocess
 import sys
 import tempfile
 import threading
@@ -21,25 +18,16 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-import psutil
-
 from raytracer.core.compiler.cache import WITH_KERNELS
+from tests.mutants.copies import NoVerdictError, copy_checkout, run_tests
 from tests.mutants.faults import PACKAGE, Fault, find_module, read_faults, read_sources, seed_fault
 from tests.repository import ROOT
 
 NEAR_SECONDS, WHOLE_SECONDS = 900.0, 5400.0
 """Limits of time for the tests that a fault names, and for all quick tests."""
 
-_PYTEST = ("-x", "-q", "--tb=no", "-m", "not slow and not peer", "-p", "no:cacheprovider", "-n", "0")
-
-# What the program and its tests do without; all else of the checkout is linked.
-_LEFT_OUT = (".venv*", "*.egg-info", ".*_cache", ".hypothesis", "outputs", "build", "dist")
 
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
-
-
-class NoVerdictError(Exception):
-    """Error that tests say nothing of a fault: there are none, or they fail without it, too."""
 
 
 class Outcome(NamedTuple):
@@ -64,53 +52,8 @@ class Outcome(NamedTuple):
         return f"{self.fault.name}: {words}, {self.seconds:.0f} s"
 
 
-def copy_checkout(place: Path) -> Path:
-    """Make a private copy of the checkout in a folder, of hard links if it can have them."""
-
-    def link(source: str, target: str) -> None:
-        try:
-            os.link(source, target, follow_symlinks=False)
-        except OSError:
-            shutil.copy2(source, target)
-
-    copy = place / "checkout"
-    shutil.copytree(ROOT, copy, symlinks=True, ignore=shutil.ignore_patterns(*_LEFT_OUT), copy_function=link)
-    return copy
-
-
-def run_tests(checkout: Path, tests: Sequence[str], cache: Path, limit: float) -> tuple[int | None, str]:
-    """Run tests in a copy of the checkout: what pytest returned, None after too long, and what it printed.
-
-    Raises
-    ------
-    NoVerdictError : another package than that of the copy is imported there.
-    """
-    environment = {**os.environ, "PYTHONPATH": str(checkout), "RAYTRACER_CACHE_DIR": str(cache)}
-    code = "import importlib.util as util; print(util.find_spec('raytracer').origin, end='')"
-    imported = subprocess.check_output([sys.executable, "-c", code], cwd=checkout, env=environment, text=True)
-    if Path(imported) != checkout / "raytracer" / "__init__.py":
-        raise NoVerdictError(f"{imported} is imported, and not the copy in {checkout}")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "pytest", *_PYTEST, *tests],
-        cwd=checkout,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-    )
-    try:
-        output, _ = process.communicate(timeout=limit)
-    except subprocess.TimeoutExpired:
-        # Tests have processes of their own.
-        for each in [*psutil.Process(process.pid).children(recursive=True), process]:
-            each.kill()
-        return None, process.communicate()[0]
-    return process.returncode, output
-
-
 class Laboratory:
-    """Copies of the checkout in a folder: one without a fault, and one for each fault that is tried."""
+    """Copies of the checkout in a folder: one without a fault, and one for each that is tried."""
 
     def __init__(self, folder: Path, *, whole: bool) -> None:
         self._folder, self._whole = folder, whole
@@ -121,10 +64,10 @@ class Laboratory:
     def _passes_without_fault(self, test: str) -> bool:
         with self._lock:
             if test not in self._passes:
-                self._passes[test] = run_tests(self._clean, [test], self._folder / "cache", NEAR_SECONDS)[0] == 0
+                self._passes[test] = run_tests(self._clean, [test], None, NEAR_SECONDS)[0] == 0
             return self._passes[test]
 
-    def _try_tests(self, checkout: Path, tests: Sequence[str], cache: Path, limit: float) -> str | None:
+    def _try_tests(self, checkout: Path, tests: Sequence[str], cache: Path | None, limit: float) -> str | None:
         """Run tests on a copy with a fault: what found it, or None if they all pass."""
         code, output = run_tests(checkout, tests, cache, limit)
         if code is None:
@@ -148,9 +91,9 @@ class Laboratory:
             # The link first, or the fault would be seeded into the checkout itself.
             faulty.unlink()
             faulty.write_text(seed_fault(fault, self._sources[module]), encoding="utf-8")
-            # Kernels depend on the sources of some packages; a fault in others leaves those of all the rest.
+            # A fault in packages without kernels leaves those of the checkout as they are.
             has_kernels = module.relative_to(PACKAGE).parts[0] in WITH_KERNELS
-            cache = Path(place) / "cache" if has_kernels else self._folder / "cache"
+            cache = Path(place) / "cache" if has_kernels else None
             try:
                 found = self._try_tests(checkout, fault.tests, cache, NEAR_SECONDS)
                 if found is None and self._whole:
