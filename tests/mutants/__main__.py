@@ -26,7 +26,6 @@ from tests.repository import ROOT
 NEAR_SECONDS, WHOLE_SECONDS = 900.0, 5400.0
 """Limits of time for the tests that a fault names, and for all quick tests."""
 
-
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
 
 
