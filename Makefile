@@ -4,6 +4,7 @@
 #   BENCH_ARGS=--quick  a short `make bench`
 #   HARD_CASES_ARGS="3 11"      those cases alone
 #   FUZZ_ARGS="lf --seconds 600"      one target, ten minutes
+#   MUTANTS_ARGS="cameras"      the faults of one area, or of names that begin so with a *
 PYTHON ?= python3
 VENV ?= .venv
 PEER_VENV ?= .venv-peers
@@ -11,6 +12,7 @@ PYTEST_ARGS ?= --numprocesses auto --dist worksteal
 BENCH_ARGS ?=
 HARD_CASES_ARGS ?=
 FUZZ_ARGS ?= --jobs 4
+MUTANTS_ARGS ?= --jobs 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -36,7 +38,7 @@ FOREST := scenes/generated/forest_russet.npy
 DRAGON := scenes/generated/dragon.ply
 GENERATED := $(MILLION) $(FOREST) $(DRAGON)
 
-.PHONY: help render test test-slow check bench fuzz peers hard-cases references gallery docs scenes clean
+.PHONY: help render test test-slow check bench fuzz mutants peers hard-cases references gallery docs scenes clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | while IFS='|' read -r name text; do \
@@ -60,6 +62,9 @@ check: $(INSTALLED_TEST)  ## Style, types and layers of the sources
 
 fuzz: $(INSTALLED_TEST)  ## Feed the loaders broken files, led by their coverage, for a minute
 	$(VENV_PYTHON) -m tests.fuzz $(FUZZ_ARGS)
+
+mutants: $(INSTALLED_TEST) $(GENERATED)  ## Seed faults, one at a time, and see which of them the tests find: hours
+	$(VENV_PYTHON) -m tests.mutants $(MUTANTS_ARGS)
 
 bench: $(INSTALLED) $(GENERATED)  ## Measure the speed, against Mitsuba 3 too once `make peers` has installed it
 	$(VENV_PYTHON) bench/bench.py $(if $(wildcard $(PEER_PYTHON)),--peer $(PEER_PYTHON)) $(BENCH_ARGS)

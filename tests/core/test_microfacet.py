@@ -238,6 +238,7 @@ def test_albedo_of_many_mirrors() -> None:
         pytest.approx(sum(0.5**2 * 0.6 * (0.5 * lost) ** bounce for bounce in range(60)), rel=1e-14),
         0.0,
     )
+    assert len(set(multiple_albedo((0.5, 0.5, 0.5), lost))) == 1
 
 
 def test_deficits_are_made_once() -> None:

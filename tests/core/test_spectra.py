@@ -14,6 +14,7 @@ from raytracer.core.spectra import (
     companion_number,
     published_tables,
     response,
+    response_at,
     sample_hero_wavelength,
     spectrum_of,
 )
@@ -72,6 +73,15 @@ def test_the_response_is_that_of_linear_rec_709() -> None:
         )
         linear = colour.RGB_COLOURSPACES["sRGB"].matrix_XYZ_to_RGB @ (xyz / 100.0)
         np.testing.assert_allclose(linear, rgb, rtol=0.0, atol=4e-3)
+
+
+@pytest.mark.parametrize("wavelength", [FIRST, 412.0, 551.3, 623.9, LAST - 0.1])
+def test_kernels_look_up_what_python_does_between_the_entries_too(wavelength: float) -> None:
+    tables = spectra.spectra()
+    assert response_at(tables, wavelength) == pytest.approx(tuple(response(wavelength)), rel=1e-12)
+    assert upsample_at(tables, wavelength, (0.9, 0.2, 0.4)) == pytest.approx(
+        float(spectrum_of((0.9, 0.2, 0.4), wavelength)), rel=1e-12
+    )
 
 
 def test_grey_is_the_same_at_all_wavelengths() -> None:

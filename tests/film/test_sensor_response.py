@@ -244,9 +244,9 @@ def test_a_crop_keeps_the_pattern_of_the_frame() -> None:
     values = np.random.default_rng(2).random((24, 30, 3))
     of = sensor(bayer="grbg")
     whole = simulate_readout(values, of, 400.0, 3, CropWindow(30, 24, 0, 0)).values
-    part = simulate_readout(values[5:20, 7:29], of, 400.0, 3, CropWindow(30, 24, 7, 5)).values
+    part = simulate_readout(values[6:20, 7:29], of, 400.0, 3, CropWindow(30, 24, 7, 6)).values
     # But for the edges, whose neighbours are not there.
-    np.testing.assert_array_equal(part[3:-3, 3:-3], whole[8:17, 10:26])
+    np.testing.assert_array_equal(part[3:-3, 3:-3], whole[9:17, 10:26])
 
 
 def test_light_that_saturates_a_neighbourhood_saturates_its_colours() -> None:

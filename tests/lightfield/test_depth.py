@@ -49,11 +49,12 @@ def test_what_is_in_front(leaning: LightField) -> None:
     assert np.median(found.distance[exact < 2.0]) == pytest.approx(1.6, rel=0.003)
 
 
-def test_without_texture_nothing_is_sure() -> None:
+@pytest.mark.parametrize("method", ["focus", "slopes"])
+def test_without_texture_nothing_is_sure(method: str) -> None:
     flat = light_field(
         views(5, 5, width=32, height=24), [Surface(2.0, lambda x, y: np.full((*x.shape, 3), 0.5))], noise=0.01
     )
-    assert np.quantile(depth_map(flat, method="focus", threads=1).confidence, 0.9) < SURE
+    assert np.quantile(depth_map(flat, method=method, threads=1).confidence, 0.9) < SURE
 
 
 def test_same_bits_by_any_number_of_threads(leaning: LightField) -> None:

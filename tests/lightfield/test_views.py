@@ -62,6 +62,15 @@ def test_a_view_between_others_with_and_without_depth(field: LightField) -> None
     assert away(view_at(wall, *place, distance=3.0), seen(GEOMETRY, SURFACES[:1], place)[0]) < 0.02
 
 
+def test_what_is_hidden_in_a_view_is_not_taken_from_it() -> None:
+    """Of views 0.1 m apart; with the nearer thing for the hidden one the error would be 0.06."""
+    apart = views(3, 3, spacing=0.1, width=72, height=60)
+    field = light_field(apart, SURFACES)
+    depth = Depth(1.0 / field.layers["depth"][1, 1], np.ones((60, 72)), 1, 1)
+    place = 0.045, 0.05
+    assert away(view_at(field, *place, depth=depth), seen(apart, SURFACES, place)[0]) < 0.04
+
+
 def test_depth_carried_to_another_place(field: LightField) -> None:
     depth = Depth(1.0 / field.layers["depth"][2, 2], np.ones((60, 72)), 2, 2)
     there = reproject_depth(depth, GEOMETRY, GEOMETRY.position[2, 4])

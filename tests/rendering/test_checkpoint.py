@@ -125,6 +125,16 @@ def test_more_samples_are_those_that_are_missing(path: Path, first: int, then: i
         assert sentences == [f"there is no {path} to go on from: the render begins anew"]
 
 
+def test_seconds_of_all_runs_add_up(path: Path) -> None:
+    spec = scene()
+    seconds = []
+    for spp, resume in ((1024, False), (1032, True), (1040, True)):
+        result = render(spec, spp=spp, checkpoint_writer=CheckpointWriter(path, resume=resume, always=True))
+        seconds.append(result.stats.resumed.get("seconds", 0.0))
+    # The second run takes a hundredth of the first, and comes on top of it.
+    assert 0.0 == seconds[0] < seconds[1] < seconds[2]
+
+
 def test_rays_of_a_longer_render_have_room(path: Path) -> None:
     spec = scene()
     render(spec, spp=16, aovs=("rays",), checkpoint_writer=CheckpointWriter(path, always=True))

@@ -80,6 +80,18 @@ def test_p_of_the_means_is_as_often_below_a_tenth_as_that_says(scene):
     assert 16 < sum(p < 0.1 for p in ps) < 64
 
 
+def test_the_level_is_shared_by_all_tests(scene):
+    # Of a z that a single test at the level would not let pass, and one that none of eight does.
+    rng = np.random.default_rng(6)
+    variance = np.full_like(scene, 1e-3)
+    a, b = (scene + math.sqrt(1e-3) * rng.standard_normal(scene.shape) for _ in "ab")
+    a -= (a - b).mean(axis=(0, 1))
+    for z, passes in ((3.75, True), (4.5, False)):
+        verdict = compare.z_test(a + z * math.sqrt(2e-3 / (HEIGHT * WIDTH)), variance, b, variance)
+        assert verdict.mean_p < 1e-3
+        assert verdict.passed is passes, verdict.reason
+
+
 def changed_tile(image):
     image = image.copy()
     image[16:24, 40:48] *= 1.15

@@ -36,10 +36,12 @@ def replicates(sample: TileSample, rng: np.random.Generator, *, drift: float = 0
     return Replicates(sample, means, busy, 256.0 * np.tile(level, (4, 1)), 0, 1.0)
 
 
-def predicted(sample: TileSample, seed: int, *, drift: float = 0.0, known: bool = True) -> Prediction:
+def predicted(
+    sample: TileSample, seed: int, *, drift: float = 0.0, known: bool = True, budget: float | None = None
+) -> Prediction:
     measured = replicates(sample, np.random.default_rng(seed), drift=drift)
     picture = PictureCost(PIXELS, float(PIXELS) if known else math.nan, 2, 0.5)
-    return predict(measured, picture, StudySettings(threads=2, seed=seed), 1.0)
+    return predict(measured, picture, StudySettings(threads=2, seed=seed, budget=budget), 1.0)
 
 
 @pytest.fixture(autouse=True)
@@ -83,7 +85,10 @@ def test_replicates_that_differ_in_time_make_times_uncertain() -> None:
     sample = choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(4))
     steady, shaken = (predicted(sample, 4, drift=drift) for drift in (0.0, 0.2))
     assert steady.per_sample.high / steady.per_sample.low < 1.001
-    assert shaken.per_sample.high / shaken.per_sample.low > 1.2
+    # Student's t for four replicates, of the mean of the logarithms of their times.
+    logs = np.log(replicates(sample, np.random.default_rng(4), drift=0.2).busy.sum(axis=1))
+    half = 3.182 * logs.std(ddof=1) / 2.0
+    assert math.log(shaken.per_sample.high / shaken.per_sample.low) == pytest.approx(2.0 * half, rel=1e-3)
     # Errors are none the less certain for that.
     assert shaken.points == tuple(
         point._replace(seconds=shaken.points[i].seconds) for i, point in enumerate(steady.points)
@@ -95,6 +100,11 @@ def test_plain_guess_goes_by_the_last_point() -> None:
     assert prediction.plain_spp == pytest.approx(256 * (prediction.points[-1].error.value / 0.01) ** 2)
     assert prediction.plain_seconds == pytest.approx(0.5 + prediction.plain_spp * prediction.per_sample.value)
     assert prediction.halving == pytest.approx(1.0)
+
+
+def test_a_budget_buys_samples_after_what_every_render_takes() -> None:
+    prediction = predicted(choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(5)), 5, budget=10.5)
+    assert prediction.budget_spp == pytest.approx(10.0 / prediction.per_sample.value)
 
 
 def test_what_is_bright_or_dark_by_chance_does_not_mislead() -> None:

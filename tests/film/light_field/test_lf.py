@@ -16,6 +16,7 @@ import pytest
 
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField, Rays
+from raytracer.film.light_field.lf.stored_array import RAYS_PER_TILE
 from raytracer.film.light_field.views import Plane, Pose, Views
 from raytracer.util.errors import InputError, OutputError
 
@@ -75,6 +76,14 @@ def test_what_is_written_is_read_again(tmp_path, dtype, compress):
         assert {key: type(value) for key, value in found.settings.items()} == {
             key: type(value) for key, value in field.settings.items()
         }
+
+
+def test_more_rays_than_a_tile_holds_are_all_kept(tmp_path):
+    count = 2 * RAYS_PER_TILE + 3
+    rays = Rays(np.arange(4.0 * count).reshape(-1, 4), np.arange(3.0 * count).reshape(-1, 3), np.arange(1.0 * count))
+    lf.write(tmp_path / "a.lf", dataclasses.replace(light_field(), rays=rays))
+    with lf.open(tmp_path / "a.lf") as found:
+        assert all(np.array_equal(a, b) for a, b in zip(found.rays, rays, strict=True))
 
 
 def test_it_is_told_in_a_line(tmp_path):

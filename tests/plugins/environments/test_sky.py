@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from raytracer.optics.thin_lens import WHITE_EFFICACY
+from raytracer.plugins.environments import sky
 from raytracer.plugins.environments.sky import (
     HEIGHT,
     SUN_ANGLE,
@@ -143,6 +144,14 @@ def test_atmosphere_is_as_long_as_the_path_through_it() -> None:
     one, two = (math.log(sunlight(2.0, math.radians(t))[1] / sunlight(2.0, 0.0)[1]) for t in (48.19, 60.0))
     # Masses 1.5 and 2, so excess 0.5 and 1 over the zenith's.
     assert two / one == pytest.approx(2.0, rel=0.02)
+
+
+def test_near_the_horizon_the_path_is_that_through_a_round_atmosphere(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Light of one wavelength, 550 nm, for which Bouguer's law holds exactly; air masses at 0, 60 and 85 degrees from
+    # the zenith: Kasten, Young 1989, "Revised Optical Air Mass Tables", Applied Optics 28(22).
+    monkeypatch.setattr(sky, "_SOLAR", np.where(sky._WAVELENGTHS == 550.0, sky._SOLAR, 0.0))
+    top, half, low = (math.log(sunlight(2.0, math.radians(angle))[1]) for angle in (0.0, 60.0, 85.0))
+    assert (low - half) / (half - top) == pytest.approx((10.306 - 1.994) / (1.994 - 1.0), rel=0.01)
 
 
 def test_colour_matching_functions_are_normalised() -> None:

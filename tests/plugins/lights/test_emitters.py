@@ -125,6 +125,19 @@ def test_density_of_a_sample_is_that_of_the_hit_it_aims_at() -> None:
     np.testing.assert_allclose(twin, pdf[same], rtol=1e-5)
 
 
+def test_samples_of_instances_bring_the_light_of_all_of_them() -> None:
+    scene_ = packed(
+        """
+  - {type: instance, of: lamp, placements: [[{translate: [0, 2, 0]}], [{translate: [2, 0, 0]}]]}
+  - {type: quad, corner: [-5, -1, 5], edges: [[10, 0, 0], [0, 0, -10]], material: {type: lambertian}}
+groups: {lamp: [{type: sphere, center: [0, 0, 0], radius: 0.5, material: {type: emitter, radiance: 3}}]}
+"""
+    )
+    weight = aim(scene_.lights, scene_, (0.0, 0.0, 0.0), 100).weight
+    # Two balls of radius 0.5 at 2 m, each drawn evenly over the cone that it fills.
+    np.testing.assert_allclose(weight, 2.0 * 3.0 * 2.0 * math.pi * (1.0 - math.sqrt(1.0 - 0.25**2)), rtol=1e-6)
+
+
 def test_density_of_what_does_not_emit_is_zero() -> None:
     scene_ = packed(LAMPS)
     names = [type(table).__name__ for table in scene_.primitives]

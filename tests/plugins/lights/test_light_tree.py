@@ -54,6 +54,14 @@ def test_two_equal_lights_are_chosen_by_the_square_of_distance() -> None:
     assert choose_light(tree, (0.0, 0.0, 0.0), 0.3)[:2] == (1, 1.0)
 
 
+def test_a_node_stands_in_the_middle_of_all_its_lights() -> None:
+    places = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [10.0, 0.0, 0.0], [11.0, 0.0, 0.0]])
+    tree = build_choice(np.ones(4), (places, places))
+    # From x = 4 the pairs are 3.5 and 6.5 m away, and those of the first 4 and 3 m.
+    near, first = 6.5**2 / (3.5**2 + 6.5**2), 3.0**2 / (3.0**2 + 4.0**2)
+    assert light_probability(tree, (4.0, 0.0, 0.0), 0) == pytest.approx(near * first, rel=1e-12)
+
+
 def test_within_its_bounds_a_light_is_as_at_their_rim() -> None:
     lower = np.array([[-1.0, -1.0, -1.0], [9.0, -1.0, -1.0]])
     tree = build_choice(np.array([1.0, 1.0]), (lower, lower + 2.0))

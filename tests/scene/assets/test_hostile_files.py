@@ -22,6 +22,7 @@ import numpy as np
 import OpenEXR
 import PIL.Image
 import pytest
+from scipy.spatial.transform import Rotation
 
 from raytracer.film import load, load_layers
 from raytracer.scene.assets import companion_files, read_grid, read_image, read_mesh, read_placements
@@ -384,6 +385,14 @@ def test_sparse_strips_fans_and_quantised_coordinates_are_read(tmp_path: Path) -
     assert turned == [(0, 1, 2), (1, 3, 2), (4, 5, 6), (4, 6, 7)]
     assert mesh.uv is not None
     np.testing.assert_array_equal(mesh.uv[:4], [[0, 1], [1, 1], [0, 0], [1, 0]])
+
+
+def test_nodes_are_scaled_then_turned_then_moved(tmp_path: Path) -> None:
+    turn, factors, place, inner = (0.1, -0.7, 0.5, 0.4), (2.0, 3.0, 4.0), (5.0, 6.0, 7.0), (1.0, -2.0, 3.0)
+    node = {"children": [1], "translation": place, "rotation": turn, "scale": factors}
+    nodes = [node, {"mesh": 0, "translation": inner}]
+    moved = Rotation.from_quat(turn).apply(np.add(CORNERS.reshape(3, 3), inner) * factors) + place
+    np.testing.assert_allclose(read_mesh(gltf(tmp_path, nodes=nodes)).vertices, moved, rtol=1e-6)
 
 
 def test_sparse_elements_without_data_are_zeros_but_where_they_are_replaced(tmp_path: Path) -> None:

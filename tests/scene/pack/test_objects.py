@@ -208,7 +208,7 @@ def test_placements_of_files(tmp_path: Path) -> None:
     (tmp_path / "table.csv").write_text(
         "x, y, z, scale, angle, axis_x, axis_y, axis_z\n1,2,3,2,90,0,0,2\n4,5,6,1,0,1,0,0\n"
     )
-    (tmp_path / "stretched.csv").write_text("z,y,x,scale_y\n3,2,1,-4\n")
+    (tmp_path / "stretched.csv").write_text("z,y,x,scale_y,angle,axis_z\n3,2,1,-4,90,1\n")
 
     def read(file: str) -> NDArray[np.float64]:
         return poses(
@@ -228,7 +228,7 @@ def test_placements_of_files(tmp_path: Path) -> None:
         read("table.csv"), [turned, [[1, 0, 0, 4], [0, 1, 0, 5], [0, 0, 1, 13], [0, 0, 0, 1]]], atol=1e-12
     )
     np.testing.assert_allclose(
-        read("stretched.csv"), [[[1, 0, 0, 1], [0, -4, 0, 2], [0, 0, 1, 10], [0, 0, 0, 1]]], atol=1e-12
+        read("stretched.csv"), [[[0, 4, 0, 1], [1, 0, 0, 2], [0, 0, 1, 10], [0, 0, 0, 1]]], atol=1e-12
     )
 
 

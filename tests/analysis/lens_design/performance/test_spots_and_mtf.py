@@ -31,6 +31,13 @@ def hyperbolic(radius: float) -> Lens:
     )
 
 
+def test_the_mtf_does_not_depend_on_where_a_spot_is() -> None:
+    # Two points d apart: |1 + exp(2 pi i f d)| / 2 = |cos(pi f d)|.
+    for place in (0.0, 0.004):
+        contrast = geometric_mtf(place + np.array([0.0, 0.01]), np.ones(2), FREQUENCIES_PER_MM)
+        np.testing.assert_allclose(contrast, np.abs(np.cos(math.pi * 0.01 * FREQUENCIES_PER_MM)), rtol=0.0, atol=1e-12)
+
+
 def test_a_perfect_lens_has_a_point_and_an_mtf_of_one() -> None:
     bench = bench_at(hyperbolic(15.0), fields=(0.0,))
     spot = spots(bench)[0]

@@ -1,0 +1,1 @@
+"""Seeded faults, and which of them the tests find: `make mutants`."""

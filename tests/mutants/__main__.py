@@ -1,0 +1,143 @@
+"""Seed faults into copies of the package, one at a time, and see which of them the tests find.
+
+    python -m tests.mutants                            all of faults.yaml, each by the tests near it
+    python -m tests.mutants "lambertian*" --jobs 4     those of such names, or of such an area, four at a time
+    python -m tests.mutants --whole                    what near tests do not find goes to all quick tests
+
+A test that fails counts only if it passes without the fault.  A run that takes too long counts as a failure.
+"""
+
+import argparse
+import re
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+from raytracer.core.compiler.cache import WITH_KERNELS
+from tests.mutants.copies import NoVerdictError, copy_checkout, run_tests
+from tests.mutants.faults import PACKAGE, Fault, find_module, read_faults, read_sources, seed_fault
+from tests.repository import ROOT
+
+NEAR_SECONDS, WHOLE_SECONDS = 900.0, 5400.0
+"""Limits of time for the tests that a fault names, and for all quick tests."""
+
+_FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
+
+
+class Outcome(NamedTuple):
+    """What became of a fault.
+
+    Attributes
+    ----------
+    fault : which one.
+    found_by : the test that fails of it, or the limit of time that it passes; None if it survived.
+    error : why nothing is known of it, or None.
+    seconds : that its tests took.
+    """
+
+    fault: Fault
+    found_by: str | None
+    error: str | None
+    seconds: float
+
+    def __str__(self) -> str:
+        survived = "SURVIVED" + (f" ({self.fault.reason})" if self.fault.reason else "")
+        words = self.error or (f"found by {self.found_by}" if self.found_by else survived)
+        return f"{self.fault.name}: {words}, {self.seconds:.0f} s"
+
+
+class Laboratory:
+    """Copies of the checkout in a folder: one without a fault, and one for each that is tried."""
+
+    def __init__(self, folder: Path, *, whole: bool) -> None:
+        self._folder, self._whole = folder, whole
+        self._sources, self._clean = read_sources(), copy_checkout(folder)
+        self._passes: dict[str, bool] = {}
+        self._lock = threading.Lock()
+
+    def _passes_without_fault(self, test: str) -> bool:
+        with self._lock:
+            if test not in self._passes:
+                self._passes[test] = run_tests(self._clean, [test], None, NEAR_SECONDS)[0] == 0
+            return self._passes[test]
+
+    def _try_tests(self, checkout: Path, tests: Sequence[str], cache: Path | None, limit: float) -> str | None:
+        """Run tests on a copy with a fault: what found it, or None if they all pass."""
+        code, output = run_tests(checkout, tests, cache, limit)
+        if code is None:
+            return f"taking longer than {limit:g} s"
+        if code == 0:
+            return None
+        failed = _FAILED.findall(output)
+        if not failed:
+            raise NoVerdictError(f"pytest returned {code}: {' '.join(output.split())[-300:]}")
+        if not self._passes_without_fault(failed[0]):
+            raise NoVerdictError(f"{failed[0]} fails without the fault, too")
+        return str(failed[0])
+
+    def judge(self, fault: Fault) -> Outcome:
+        """Seed a fault into a copy of its own, and run the tests on that."""
+        start, found, wrong = time.monotonic(), None, None
+        module = find_module(fault, self._sources)
+        with tempfile.TemporaryDirectory(dir=self._folder) as place:
+            checkout = copy_checkout(Path(place))
+            faulty = checkout / module.relative_to(ROOT)
+            # The link first, or the fault would be seeded into the checkout itself.
+            faulty.unlink()
+            faulty.write_text(seed_fault(fault, self._sources[module]), encoding="utf-8")
+            # A fault in packages without kernels leaves those of the checkout as they are.
+            has_kernels = module.relative_to(PACKAGE).parts[0] in WITH_KERNELS
+            cache = Path(place) / "cache" if has_kernels else None
+            try:
+                found = self._try_tests(checkout, fault.tests, cache, NEAR_SECONDS)
+                if found is None and self._whole:
+                    found = self._try_tests(checkout, ["tests"], cache, WHOLE_SECONDS)
+            except NoVerdictError as error:
+                wrong = f"ERROR: {error}"
+        return Outcome(fault, found, wrong, time.monotonic() - start)
+
+
+def summary(outcomes: Sequence[Outcome]) -> str:
+    """Sum up what was found: a line an area, and the share of all that can be."""
+    lines = []
+    for area in dict.fromkeys(outcome.fault.area for outcome in outcomes):
+        own = [outcome.found_by is not None for outcome in outcomes if outcome.fault.area == area]
+        lines.append(f"{area}: {sum(own)} of {len(own)}")
+    found = sum(outcome.found_by is not None for outcome in outcomes)
+    excused = sum(outcome.found_by is None and outcome.fault.reason is not None for outcome in outcomes)
+    possible = len(outcomes) - excused
+    lines.append(f"found {found} of {possible} ({found / max(1, possible):.1%}), and {excused} that nothing can find")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Seed faults and print what becomes of them; 1 if one survives without a reason."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("patterns", nargs="*", metavar="NAME", help="patterns of names or areas (default: all)")
+    parser.add_argument("--jobs", type=int, default=1, help="faults that are tried at once (default: 1)")
+    parser.add_argument("--list", action="store_true", help="print the faults and where they are, and try none")
+    parser.add_argument("--whole", action="store_true", help="give what survives its near tests to all quick tests")
+    arguments = parser.parse_args()
+    patterns = arguments.patterns or ["*"]
+    faults = [fault for fault in read_faults() if any(map(fault.matches, patterns))]
+    if arguments.list:
+        sources = read_sources()
+        for fault in faults:
+            print(f"{fault.area}: {fault.name} ({find_module(fault, sources).relative_to(PACKAGE)})")
+        return 0
+    outcomes = []
+    with tempfile.TemporaryDirectory(prefix="mutants-") as folder, ThreadPoolExecutor(arguments.jobs) as pool:
+        for outcome in pool.map(Laboratory(Path(folder), whole=arguments.whole).judge, faults):
+            outcomes.append(outcome)
+            print(outcome, flush=True)
+    print(summary(outcomes))
+    return int(any(o.error or (o.found_by is None and o.fault.reason is None) for o in outcomes))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
