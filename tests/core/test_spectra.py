@@ -79,7 +79,7 @@ def test_the_response_is_that_of_linear_rec_709() -> None:
 def test_kernels_look_up_what_python_does_between_the_entries_too(wavelength: float) -> None:
     tables = spectra.spectra()
     assert response_at(tables, wavelength) == pytest.approx(tuple(response(wavelength)), rel=1e-12)
-    assert upsample_at(tables, wavelength, (0.9, 0.2, 0.4)) == pytest.approx(
+    assert dot(basis_at(tables, wavelength), (0.9, 0.2, 0.4)) == pytest.approx(
         float(spectrum_of((0.9, 0.2, 0.4), wavelength)), rel=1e-12
     )
 
