@@ -82,8 +82,9 @@ gallery: $(INSTALLED) $(GENERATED)  ## Render the pictures in docs/gallery
 	$(VENV_PYTHON) docs/make_gallery.py
 	$(VENV_PYTHON) -m tests.hard_cases.pictures
 
-docs: $(INSTALLED)  ## Write docs/scenes.md, the tables in docs/warnings.md, the tree in docs/architecture.md and the Python stub
+docs: $(INSTALLED)  ## Write docs/scenes.md, docs/commands.md, the tables of warnings, the tree of packages and the Python stub
 	$(VENV_PYTHON) docs/make_scenes.py
+	$(VENV_PYTHON) docs/make_commands.py
 	$(VENV_PYTHON) docs/make_warnings.py
 	$(VENV_PYTHON) docs/make_python_api.py
 	$(VENV_PYTHON) docs/make_tree.py

@@ -229,6 +229,11 @@ def test_the_reference_of_scene_files_is_up_to_date() -> None:
     assert make_scenes.OUTPUT.read_text(encoding="utf-8") == make_scenes.reference(), "run `make docs`"
 
 
+def test_the_reference_of_commands_is_up_to_date() -> None:
+    make_commands = _script("make_commands")
+    assert make_commands.OUTPUT.read_text(encoding="utf-8") == make_commands.reference(), "run `make docs`"
+
+
 def test_the_tables_of_warnings_are_up_to_date() -> None:
     make_warnings = _script("make_warnings")
     text = make_warnings.OUTPUT.read_text(encoding="utf-8")
