@@ -47,6 +47,12 @@ def test_normalize_gives_unit_vectors(a: Vec3) -> None:
     np.testing.assert_allclose(np.cross(unit, a) / np.linalg.norm(a), 0.0, atol=1e-15)
 
 
+@given(vectors.filter(lambda v: max(map(abs, v)) > 1e-3), st.floats(-1e-4, 1e-4))
+def test_renormalize_squares_the_error_of_a_length(a: Vec3, error: float) -> None:
+    mended = vec.renormalize(vec.scale(1.0 + error, vec.normalize(a)))
+    assert vec.norm(mended) == pytest.approx(1.0, abs=1.6 * error**2 + 1e-15)
+
+
 def test_normalize_of_zero_is_not_a_number() -> None:
     assert all(math.isnan(component) for component in vec.normalize((0.0, 0.0, 0.0)))
 

@@ -11,7 +11,7 @@ from scipy.stats import norm, qmc
 
 from raytracer.core.sampling import SAMPLERS, pixel_key, sample_1d, sample_2d
 from raytracer.core.sampling.independent import Independent
-from raytracer.core.sampling.sobol import _SOBOL, Sobol, _seeds, nested_scramble
+from raytracer.core.sampling.sobol import _SOBOL, Sobol, _seeds, _shuffled, nested_scramble
 from raytracer.core.sampling.stratified import Stratified, permute
 from tests.core.sampling.draws import draw_1d, draw_2d, keys
 from tests.statistics import chi2_counts, chi2_test, sidak
@@ -226,6 +226,17 @@ def test_flips_of_a_scramble_are_fair_and_uncorrelated():
             pairs = np.triu_indices(len(signs), 1)
             z = (signs @ signs.T)[pairs] / np.sqrt(len(seeds))
             assert np.abs(z).max() < norm.isf(0.5 * sidak(1e-4, len(z)))
+
+
+def test_the_dimensions_of_a_pair_are_scrambled_apart():
+    # Whether the first digit is flipped: in one dimension as often as in the other, and independently of it.
+    sampler, natural = Sobol(4), _natural_points(65536)
+    pixels = keys(sampler, 64, 64).ravel()
+    bytes_of_index = [_shuffled(0, _seeds(key, 0, 0)[0]) for key in pixels]
+    points = natural[[int(f"{int(high) << 8 | int(low):016b}"[::-1], 2) for low, high in bytes_of_index]]
+    flips = (draw_2d(sampler, pixels, 1).reshape(-1, 2) >= 0.5) != (points >= 0.5)
+    signs = 1.0 - 2.0 * np.column_stack([flips, flips[:, 0] ^ flips[:, 1]])
+    assert np.abs(signs.mean(axis=0)).max() * np.sqrt(len(signs)) < norm.isf(0.5 * sidak(1e-4, 3))
 
 
 def test_sobol_points_have_a_lower_discrepancy_than_independent_ones():

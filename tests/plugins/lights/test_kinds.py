@@ -192,6 +192,15 @@ def test_sun_is_drawn_evenly_over_its_disc() -> None:
     np.testing.assert_allclose(aimed.pdf, 1.0 / math.pi, rtol=1e-14)
 
 
+def test_the_density_of_a_disc_counts_the_choice_among_suns() -> None:
+    # Of two suns 60 degrees wide the second has three times the power; each is 2 pi (1 - cos 30 degrees) sr.
+    suns = [{"direction": [0, 0, z], "irradiance": power, "angle": 60} for z, power in ((-1, 1), (1, 3))]
+    aimed = aim(lights_of("sun", *suns), None, POINT, 1000)
+    share = np.where(aimed.direction[:, 2] > 0.0, 0.25, 0.75)
+    solid_angle = 2.0 * math.pi * (1.0 - math.cos(math.radians(30.0)))
+    np.testing.assert_allclose(aimed.pdf, share / solid_angle, rtol=1e-12)
+
+
 def test_rays_that_leave_the_scene_see_the_disc() -> None:
     keys = {"direction": [0.0, -1.0, 0.0], "irradiance": [1.0, 2.0, 0.0], "angle": 2.0}
     lights = lights_of("sun", keys)

@@ -96,6 +96,9 @@ def test_a_cutout_shows_as_much_as_is_there() -> None:
     assert shares("{type: cutout, material: clay, opacity: 0.3}") == about({0.5: 0.3, None: 0.7})
     assert shares("{type: cutout, material: clay, opacity: 0}") == {None: 1.0}
     assert shares("{type: cutout, material: clay, opacity: 0.3, threshold: 0.5}") == {None: 1.0}
+    # What is as opaque as the threshold is there.
+    cells = "{type: checker, even: 0.5, odd: 0.25}"
+    assert shares(f"{{type: cutout, material: clay, opacity: {cells}, threshold: 0.5}}") == {0.5: 1.0}
 
 
 def test_two_sides() -> None:
