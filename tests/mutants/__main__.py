@@ -4,7 +4,8 @@
     python -m tests.mutants "lambertian*" --jobs 4     those of such names, or of such an area, four at a time
     python -m tests.mutants --whole                    what near tests do not find goes to all quick tests
 
-A test that fails counts only if it passes without the fault.  A run that takes too long counts as a failure.
+A test that fails counts only if it passes without the fault.  A run that takes too long, or crashes, counts
+as a failure.
 """
 
 import argparse
@@ -35,7 +36,7 @@ class Outcome(NamedTuple):
     Attributes
     ----------
     fault : which one.
-    found_by : the test that fails of it, or the limit of time that it passes; None if it survived.
+    found_by : the test that fails of it, or the limit of time that it passes, or its crash; None if it survived.
     error : why nothing is known of it, or None.
     seconds : that its tests took.
     """
@@ -71,6 +72,8 @@ class Laboratory:
         code, output = run_tests(checkout, tests, cache, limit)
         if code is None:
             return f"taking longer than {limit:g} s"
+        if code < 0:
+            return f"a process that signal {-code} ended"
         if code == 0:
             return None
         failed = _FAILED.findall(output)
