@@ -15,6 +15,7 @@ from raytracer.report import chart as charts
 from raytracer.report import page as html
 from raytracer.report.figure import IN_PAGE, PageFigure, inline_svg, style, to_svg
 from raytracer.report.table import Table
+from raytracer.report.wording import significant
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -57,7 +58,8 @@ def caption(shown: CrossSection) -> str:
         "from points of the scene, heavy bars the stop and the film."
     )
     if shown.outside:
-        words += f" Outside the picture: {', '.join(f'{mark.name} at {mark.z:.4g} mm' for mark in shown.outside)}."
+        places = ", ".join(f"{mark.name} at {significant(mark.z)} mm" for mark in shown.outside)
+        words += f" Outside the picture: {places}."
     return words
 
 
