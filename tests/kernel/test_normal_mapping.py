@@ -1,8 +1,10 @@
 """Bump and normal maps: the normals that they make, and that what is scattered keeps its energy and its side."""
 
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import PIL.Image
 import pytest
 from numpy.typing import NDArray
 
@@ -20,6 +22,8 @@ from raytracer.kernel.normal_mapping import (
 )
 from raytracer.plugins.materials.base.interface import Draws
 from raytracer.plugins.textures.base.interface import ParameterPacker
+from raytracer.rendering.render import render
+from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack
 from raytracer.schema.registry import MATERIALS
 from tests.small_scenes import assert_mean, image, scene
@@ -310,6 +314,26 @@ def test_white_furnace(material: str, light: str) -> None:
 def normal_mapping_of(material: str) -> Any:
     text = CAMERA + f"objects:\n  - {{type: sphere, center: [0, 0, 0], radius: 1, material: {material}}}\n"
     return pack(scene(text, filled=False)).scene.normal_mapping
+
+
+def test_bright_parts_of_a_bump_map_stand_out(tmp_path: Path) -> None:
+    # Between the middles of a black and a white pixel, 1 m apart along x, heights rise by 1 m, smoothly: 45 degrees at
+    # the most.
+    PIL.Image.fromarray(np.array([[0, 255]], np.uint8)).save(tmp_path / "ramp.png")
+    text = f"""
+film: {{width: 5, height: 5}}
+{CAMERA}environment: {{type: constant, radiance: 1}}
+objects:
+  - type: quad
+    corner: [-1, -1, 0]
+    edges: [[2, 0, 0], [0, 2, 0]]
+    material: {{type: lambertian, bump: {{type: image, file: ramp.png}}, bump_height: 1}}
+"""
+    path = tmp_path / "scene.yaml"
+    path.write_text(text)
+    normal = render(load(path), spp=16, aovs=["normal"]).image.layers["normal"]
+    assert -np.sqrt(0.5) <= normal[2, 2, 0] < -0.5
+    assert normal[2, 2, 1] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_normal_mapping_is_packed_only_where_there_are_maps() -> None:
