@@ -67,6 +67,17 @@ def test_perez_function_by_hand() -> None:
     )
 
 
+def test_distribution_is_that_of_the_paper() -> None:
+    # Preetham et al. 1999, appendix A.2, at turbidity 2: A to E of Y, x and y.
+    published = {
+        "Y": [-1.1056, -0.2833, 5.2797, -2.3359, 0.2363],
+        "x": [-0.2978, -0.1322, 0.2117, -1.0271, 0.0386],
+        "y": [-0.2942, -0.1808, 0.1944, -1.7419, 0.0311],
+    }
+    for name, coefficients in published.items():
+        np.testing.assert_allclose(np.array(sky._PEREZ[name]) @ (2.0, 1.0), coefficients, rtol=0.0, atol=1e-12)
+
+
 def test_sky_is_bright_near_the_sun_and_blue_away_from_it() -> None:
     sky = spec_of(sun_elevation=30, sun_azimuth=90, turbidity=2.5).pack({})
     near, zenith_, opposite = seen(sky, np.stack([up(32.0, 90.0), up(90.0), up(60.0, -90.0)]))
