@@ -11,6 +11,7 @@ from raytracer.film.light_field.resampling import Resampler
 from raytracer.lightfield.decoding.calibration import find_grid
 from raytracer.lightfield.decoding.decoder import decode
 from raytracer.lightfield.decoding.microlens_grid import Optics, grid_from_dict
+from raytracer.lightfield.decoding.raw_image import find_defects
 from raytracer.util.errors import InputError
 from tests.lightfield.lenslet_pictures import Camera, lattice, spoiled, texture
 
@@ -296,3 +297,16 @@ def test_bad_pixels_are_left_out_and_what_is_unseen_is_black():
 def test_too_small_for_microlenses():
     with pytest.raises(ValueError, match="fewer than two whole microlenses"):
         Resampler(lattice(30.0, 0.7, (1.0, 2.0)), 50, 50)
+
+
+@pytest.mark.parametrize("mosaic", [False, True])
+def test_single_pixels_that_stand_out_are_defects(mosaic):
+    # A hot and a dead one; in a mosaic their neighbours of other colours are other pictures.
+    even = np.full((40, 60), 0.5, np.float32)
+    if mosaic:
+        even[::2, ::2] = 0.1
+    spoilt = even.copy()
+    spoilt[9, 31], spoilt[20, 14] = 10.0, 0.0
+    assert not find_defects(even, mosaic, dead=True).any()
+    assert list(zip(*np.nonzero(find_defects(spoilt, mosaic)), strict=True)) == [(9, 31)]
+    assert list(zip(*np.nonzero(find_defects(spoilt, mosaic, dead=True)), strict=True)) == [(9, 31), (20, 14)]
