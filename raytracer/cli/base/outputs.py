@@ -1,4 +1,4 @@
-"""What commands write: sentences, JSON, and a render's files, with its checkpoint and a fallback for failures."""
+"""Outputs of commands: sentences, JSON, and the files of a render, with its checkpoint and a fallback for failures."""
 
 import contextlib
 import json

@@ -1,4 +1,4 @@
-"""What commands for light fields share: options, and the files that they read and write.
+"""Shared parts of the commands for light fields: options, and the files that they read and write.
 
 Functions that check or parse raise an InputError for what is wrong.
 """
