@@ -48,6 +48,13 @@ def test_a_ball_of_flint_in_a_white_furnace_is_white() -> None:
     assert (np.sqrt(1024 * picture.variance.mean(axis=(0, 1))) < 0.6).all()
 
 
+def test_a_ball_of_flint_in_coloured_light_has_its_colour() -> None:
+    # Clear glass takes nothing from a furnace of one colour, whichever wavelengths a path goes on with.
+    text = BALL.replace("FLINT", FLINT).replace("radiance: 1", "radiance: [0.9, 0.3, 0.1]")
+    picture = image(text, spp=1024, max_depth=1000)
+    np.testing.assert_allclose(picture.radiance.mean(axis=(0, 1)), [0.9, 0.3, 0.1], rtol=0.005)
+
+
 def test_glass_that_disperses_by_nothing_is_plain_glass() -> None:
     by_wavelength, plain = (
         image(floor(ior), spp=1024, max_depth=50, seed=seed)
@@ -59,6 +66,16 @@ def test_glass_that_disperses_by_nothing_is_plain_glass() -> None:
     noise = sum(picture.variance.reshape(4, 4, 4, 4, 3).sum(axis=(1, 3)) / 256.0 for picture in (by_wavelength, plain))
     assert (np.abs(rows[0] - rows[1]) < 4.5 * np.sqrt(noise) + 1e-9).all()
     assert noise.max() < 0.02**2
+
+
+def test_light_from_before_the_wavelengths_part_counts_once() -> None:
+    # The floor is lit by a point, which paths look for before they go on into the ball, and are traced anew there.
+    lit = "lights: [{type: point, position: [0, 4, 1], intensity: 40}]"
+    by_wavelength, plain = (
+        image(floor(ior).replace("environment: {type: constant, radiance: 1}", lit), spp=1024, max_depth=50, seed=seed)
+        for seed, ior in enumerate(("{cauchy: [1.6, 1.0e-9]}", "1.6"))
+    )
+    np.testing.assert_allclose(by_wavelength.radiance.mean(axis=(0, 1)), plain.radiance.mean(axis=(0, 1)), rtol=0.005)
 
 
 def test_grey_is_exactly_grey_where_light_met_nothing_that_disperses() -> None:
