@@ -99,7 +99,7 @@ class PreparedScene:
     options : of the render.
     remote : the cluster that takes the samples; the threads of this process if None.
     seconds (s) : time so far by phase: load, pack, build and compile.
-    stamps : of the files of the scene, before they were read (`input_files.file_stamps`); empty without checkpoints.
+    stamps : of the files of the scene, before they were read (`scene.files.file_stamps`); empty without checkpoints.
     """
 
     packed: PackedScene

@@ -96,7 +96,7 @@ class PrepareReply(NamedTuple):
     """A worker's reply to a request; it is ready if the first three fields are empty.
 
     missing : sha256 of the files that it lacks.
-    mismatch : reason why it cannot take part (`compatibility.find_mismatch`).
+    mismatch : reason why it cannot take part (`find_mismatch`).
     failure : error with which it failed to prepare the scene.
     processor : of the worker.
     """
