@@ -16,6 +16,8 @@ from tests.browser import chromium, open_page
 
 __all__ = ["chromium", "open_page"]
 
+pytest_plugins = ["tests.compilations"]
+
 # The library for matrices, which reads this when NumPy is loaded, has a thread for each processor, and they wait for
 # work by spinning: of the smallest matrices' too, and each process of a test run has them.  A quadrature rule of 400
 # points took 4.8 s of processor time so, and takes 0.015 s.

@@ -1,0 +1,40 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.compilations import BUDGET
+from tests.repository import ROOT
+
+TESTS = """\
+import pytest
+from raytracer.core.vec import reflect
+from tests.vectorised import rows, vectorised
+
+@pytest.mark.parametrize("number", range(4))
+def test_up_is_down(number):
+    assert vectorised(reflect)(rows([[0.0, 0.0, 1.0]]), (0.0, 0.0, 1.0)).tolist() == [[0.0, 0.0, -1.0]]
+"""
+
+
+def test_two_processes_share_a_kernel_and_more_than_the_budget_fails(tmp_path: Path) -> None:
+    (tmp_path / "test_up.py").write_text(TESTS)
+    (tmp_path / "conftest.py").write_text(
+        "from tests import compilations\n\ncompilations.BUDGET['kernels in all'] = 0\n"
+    )
+    words = "-q -p tests.compilations -p no:cacheprovider -n 2 --kernels 1"
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", *words.split(), tmp_path],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "RAYTRACER_CACHE_DIR": str(tmp_path / "cache")},
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 1, run.stdout + run.stderr
+    assert (
+        f"0 path tracers (budget {BUDGET['path tracers']}), 1 kernels in all (budget 0); compiled now: 1\n"
+        in run.stdout
+    )
+    assert "FAILED: more kernels than the budget has" in run.stdout
+    assert "1 kernels,   0 of them path tracers: test_up.py" in run.stdout
+    assert "4 passed" in run.stdout
