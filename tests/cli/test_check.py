@@ -2,10 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,24 +28,24 @@ objects:
 
 
 @pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def project(tmp_path, monkeypatch):
     """A folder to work in."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
-def renders(monkeypatch: pytest.MonkeyPatch) -> MadeUp:
+def renders(monkeypatch):
     return MadeUp().install(monkeypatch)
 
 
-def one_tile(picture: np.ndarray) -> np.ndarray:
+def one_tile(picture):
     picture = picture.copy()
     picture[16:32, 16:32] *= 0.95
     return picture
 
 
-FAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+FAULTS = {
     "1 % brighter": lambda picture: 1.01 * picture,
     "shifted by a pixel": lambda picture: np.roll(picture, 1, axis=0),
     "two channels swapped": lambda picture: picture[..., [0, 2, 1]],
@@ -56,9 +53,7 @@ FAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 
-def test_planted_faults_are_found(
-    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_planted_faults_are_found(project, monkeypatch, capsys):
     (project / "ball.yaml").write_text(LIT, encoding="utf-8")
     assert main(["reference", "ball.yaml", "--threads", "2", "--spp", "2048"]) == 0
     assert main(["check", "references", "--threads", "2"]) == 0
@@ -71,7 +66,7 @@ def test_planted_faults_are_found(
     # As a program would render it that is wrong.
     for number, change in enumerate(FAULTS.values()):
 
-        def wrong(*given: Any, change: Any = change, **settings: Any) -> Any:
+        def wrong(*given, change=change, **settings):
             rendered = render(*given, **settings)
             image = replace(
                 rendered.image, radiance=change(rendered.image.radiance), variance=change(rendered.image.variance)
@@ -84,25 +79,18 @@ def test_planted_faults_are_found(
         assert (project / "outputs" / "check.html").exists()
 
 
-def test_a_reference_knows_how_it_was_rendered(project: Path, renders: MadeUp) -> None:
+def test_a_reference_knows_how_it_was_rendered(project, renders):
     (project / "scenes").mkdir()
     (project / "scenes" / "ball.yaml").write_text(SCENE, encoding="utf-8")
     arguments = ["scenes/ball.yaml", "-o", "tests/kept", "-D", "camera.vfov=30", "--name", "near", "--width", "24"]
     assert main(["reference", *arguments, "--spp", "500", "--seed", "3"]) == 0
     recipe = load_reference(project / "tests" / "kept" / "near.npz").recipe
     assert recipe.scene == "../../scenes/ball.yaml"
-    assert recipe.overrides == {
-        "camera.vfov": 30,
-        "film.width": 24,
-        "film.height": 16,
-        "render.sampler": "independent",
-    }
+    assert recipe.overrides == {"camera.vfov": 30, "film.width": 24, "film.height": 16, "render.sampler": "independent"}
     assert (recipe.spp, recipe.seed) == (500, 3)
 
 
-def test_a_reference_is_rendered_anew_as_it_was(
-    project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_reference_is_rendered_anew_as_it_was(project, renders, capsys):
     (project / "ball.yaml").write_text(SCENE, encoding="utf-8")
     assert main(["reference", "ball.yaml", "--width", "24", "--spp", "500", "--seed", "3"]) == 0
     path = project / "references" / "ball.npz"
@@ -132,9 +120,7 @@ def test_a_reference_is_rendered_anew_as_it_was(
         (["broken.npz", "--width", "3"], "--width: broken.npz is a reference, which is rendered anew as it was"),
     ],
 )
-def test_what_no_reference_is_rendered_of(
-    arguments: list[str], sentence: str, project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_no_reference_is_rendered_of(arguments, sentence, project, renders, capsys):
     for name in ("ball", "other"):
         (project / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
     (project / "broken.npz").write_bytes(b"text")
@@ -145,9 +131,7 @@ def test_what_no_reference_is_rendered_of(
     assert not (project / "references").exists()
 
 
-def test_every_reference_gets_its_line_and_the_worst_is_the_status(
-    project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_reference_gets_its_line_and_the_worst_is_the_status(project, renders, capsys):
     for name in ("ball", "cube", "disc"):
         (project / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
     assert main(["reference", "ball.yaml", "cube.yaml", "disc.yaml", "--quiet"]) == 0
@@ -175,9 +159,7 @@ def test_every_reference_gets_its_line_and_the_worst_is_the_status(
     assert "outputs/check.html shows what has failed" in captured.err
 
 
-def test_a_page_is_written_where_it_is_asked_for(
-    project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_page_is_written_where_it_is_asked_for(project, renders, capsys):
     (project / "ball.yaml").write_text(SCENE, encoding="utf-8")
     main(["reference", "ball.yaml"])
     capsys.readouterr()
@@ -188,15 +170,13 @@ def test_a_page_is_written_where_it_is_asked_for(
     assert (project / "a" / "b.html").read_bytes().startswith(b"<!doctype html>")
 
 
-def test_ctrl_c_tells_what_was_not_checked(
-    project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_tells_what_was_not_checked(project, renders, capsys, monkeypatch):
     for name in ("ball", "cube"):
         (project / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
     main(["reference", "ball.yaml", "cube.yaml"])
     capsys.readouterr()
 
-    def until_the_second(*given: Any, **settings: Any) -> Any:
+    def until_the_second(*given, **settings):
         renders.interrupted = len(renders.calls) == 3
         return renders(*given, **settings)
 
@@ -219,9 +199,7 @@ def test_ctrl_c_tells_what_was_not_checked(
         (["references", "--report", "ball.yaml/a.html"], "ball.yaml is not a folder"),
     ],
 )
-def test_what_cannot_be_checked_at_all(
-    arguments: list[str], sentence: str, project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_checked_at_all(arguments, sentence, project, renders, capsys):
     (project / "ball.yaml").write_text(SCENE, encoding="utf-8")
     main(["reference", "ball.yaml"])
     capsys.readouterr()

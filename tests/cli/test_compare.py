@@ -16,7 +16,7 @@ PLAIN = "--metric=mae,psnr"
 
 
 @pytest.fixture
-def images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def images(tmp_path, monkeypatch):
     """a and b: renders of one scene; c: of a brighter one; small: of another size."""
     monkeypatch.chdir(tmp_path)
     for seed, (name, gain) in enumerate({"a": 1.0, "b": 1.0, "c": 1.1}.items()):
@@ -28,7 +28,7 @@ def images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_verdict_by_the_variances_and_without_any(images: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_verdict_by_the_variances_and_without_any(images, capsys):
     assert main(["compare", "a.exr", "b.exr", PLAIN]) == 0
     out = capsys.readouterr().out
     assert "a.exr against b.exr: 20 x 16 pixels, linear light" in out
@@ -41,7 +41,7 @@ def test_a_verdict_by_the_variances_and_without_any(images: Path, capsys: pytest
     assert "PASS" not in capsys.readouterr().out
 
 
-def test_bounds(images: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bounds(images, capsys):
     assert main(["compare", "c.png", "b.png", PLAIN, "--fail-above", "mae=0.5", "--fail-below", "psnr=10"]) == 0
     assert capsys.readouterr().out.endswith("PASS\n")
     assert main(["compare", "c.png", "b.png", PLAIN, "--fail-above", "MAE=0.5", "--fail-below", "PSNR=99"]) == 1
@@ -50,14 +50,14 @@ def test_bounds(images: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", "c.exr", "b.exr", "--fail-above", "mae=0.5", "--metric", "mae", "--test"]) == 1
 
 
-def test_json_is_all_of_the_output(images: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_is_all_of_the_output(images, capsys):
     assert main(["compare", "a.png", "a.png", "--metric", "psnr", "--metric", "mae", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["metrics"]["psnr"] == {"value": "inf", "domain": "display"}
     assert list(found["metrics"]) == ["mae", "psnr"]
 
 
-def test_pictures_are_written(images: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_pictures_are_written(images, capsys):
     wanted = {"signed": "d.png", "z": "out/z.png", "side-by-side": "s.png", "wipe": "w.html"}
     options = [f"--difference={kind}={file}" for kind, file in wanted.items() if kind not in ("signed", "wipe")]
     assert main(["compare", "a.exr", "b.exr", PLAIN, "--difference=d.png", "--difference=w.html", *options]) == 0
@@ -71,7 +71,7 @@ def test_pictures_are_written(images: Path, capsys: pytest.CaptureFixture[str]) 
     assert Path("w.html").read_text().startswith("<!doctype html>")
 
 
-def test_folders(images: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_folders(images, capsys):
     for folder, name in (("before", "b"), ("after", "a")):
         Path(folder).mkdir()
         for suffix in (".png", ".exr"):
@@ -114,9 +114,7 @@ def test_folders(images: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["a.exr", "b.exr", "--difference", "a.png/d.png"], "is not a folder"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(
-    arguments: list[str], sentence: str, images: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_wrong_is_said_in_one_line(arguments, sentence, images, capsys):
     before = sorted(path.name for path in images.iterdir())
     assert main(["compare", *arguments]) == 2
     err = capsys.readouterr().err

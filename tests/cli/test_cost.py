@@ -4,24 +4,21 @@ import csv
 import io
 import json
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from raytracer.analysis.cost import study as studies
-from raytracer.analysis.cost.study_options import StudyOptions
 from raytracer.cli.base.app import main
 from tests.analysis.cost.made_up import World, scene_of
 
 
 @pytest.fixture
-def world(monkeypatch: pytest.MonkeyPatch) -> World:
+def world(monkeypatch):
     """A world that commands measure in place of the machine."""
     made_up = World()
     real = studies.study
 
-    def study(spec: Any, options: StudyOptions, **others: Any) -> Any:
+    def study(spec, options, **others):
         return real(spec, replace(options, threads=2), **{**others, "bench": made_up.bench()})
 
     monkeypatch.setattr(studies, "study", study)
@@ -29,12 +26,12 @@ def world(monkeypatch: pytest.MonkeyPatch) -> World:
 
 
 @pytest.fixture
-def scene(tmp_path: Path) -> str:
+def scene(tmp_path):
     scene_of(tmp_path, 96, 64)
     return str(tmp_path / "scene.yaml")
 
 
-def test_a_table_goes_to_stdout_and_nothing_else(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_table_goes_to_stdout_and_nothing_else(world, scene, capsys):
     assert main(["cost", scene, "--variants", "defocus, max_depth=2", "--budget", "1 min"]) == 0
     output = capsys.readouterr()
     for words in ("repeat of the", "defocus", "max_depth=2", "60 s"):
@@ -42,10 +39,10 @@ def test_a_table_goes_to_stdout_and_nothing_else(world: World, scene: str, capsy
     assert output.err == ""
 
 
-def test_json_is_json(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_is_json(world, scene, capsys):
     assert main(["cost", scene, "--no-variants", "--json", "--target", "2%", "--seed", "5"]) == 0
 
-    def refuse(constant: str) -> None:
+    def refuse(constant):
         raise ValueError(constant)
 
     found = json.loads(capsys.readouterr().out, parse_constant=refuse)
@@ -55,7 +52,7 @@ def test_json_is_json(world: World, scene: str, capsys: pytest.CaptureFixture[st
     assert found["arms"] == []
 
 
-def test_a_folder_gets_the_report(world: World, scene: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_gets_the_report(world, scene, tmp_path, capsys):
     folder = tmp_path / "report"
     assert main(["cost", scene, "--arms", "defocus", "-o", str(folder)]) == 0
     assert {"cost.html", "cost.csv", "cost.json"} <= {path.name for path in folder.iterdir()}
@@ -64,12 +61,12 @@ def test_a_folder_gets_the_report(world: World, scene: str, tmp_path: Path, caps
     assert str(folder / "cost.html") in capsys.readouterr().err
 
 
-def test_overrides_reach_the_scene(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_overrides_reach_the_scene(world, scene, capsys):
     assert main(["cost", scene, "--no-arms", "--json", "-D", "film.width=32"]) == 0
     assert json.loads(capsys.readouterr().out)["width"] == 32
 
 
-def test_interrupted_it_reports_what_there_is(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_interrupted_it_reports_what_there_is(world, scene, capsys):
     assert main(["cost", scene, "--arms", "defocus", "--quiet"]) == 0
     capsys.readouterr()
     world.interrupt_after, world.calls = len(world.calls) - 4, []
@@ -109,9 +106,7 @@ def test_interrupted_it_reports_what_there_is(world: World, scene: str, capsys: 
         ("--no-arms -D film.widht=3", "did you mean 'width'?"),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_a_sentence(
-    world: World, scene: str, options: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_makes_no_sense_is_refused_in_a_sentence(world, scene, options, words, capsys):
     assert main(["cost", scene, *options.split()]) == 2
     output = capsys.readouterr()
     assert output.out == ""
@@ -121,15 +116,13 @@ def test_what_makes_no_sense_is_refused_in_a_sentence(
     assert world.calls == []
 
 
-def test_errors_and_times_have_units(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_errors_and_times_have_units(world, scene, capsys):
     assert main(["cost", scene, "--no-arms", "--json", "--target", "1/50", "--budget", "0.5 min"]) == 0
     found = json.loads(capsys.readouterr().out)["prediction"]
     assert (found["target"], found["budget"]) == (0.02, 30.0)
 
 
-def test_a_target_that_no_float_can_square_is_out_of_reach(
-    world: World, scene: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_target_that_no_float_can_square_is_out_of_reach(world, scene, capsys):
     for target in ("1e-155%", "1e-200"):
         assert main(["cost", scene, "--arms", "defocus", "--target", target, "--budget", "1e308 s"]) == 0
         said = " ".join(capsys.readouterr().out.split())

@@ -6,7 +6,6 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,19 +25,19 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture
-def rt(tmp_path: Path) -> Run:
+def rt(tmp_path):
     folder = tmp_path / "commands"
     folder.mkdir()
     shutil.copy(ROOT / "docs" / "examples" / "histogram.py", folder)
 
-    def run(*words: str) -> subprocess.CompletedProcess[str]:
+    def run(*words):
         command = [sys.executable, "-c", textwrap.dedent(PROGRAM), str(folder), *words]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
 
     return run
 
 
-def test_a_command_is_added_by_one_file(rt: Run, tmp_path: Path) -> None:
+def test_a_command_is_added_by_one_file(rt, tmp_path):
     # Luminances of 1/4, 1, 1 and 1.5, and one pixel each without light and without a number.
     pixels = np.array([[0.25, 1.0, 1.0], [1.5, 0.0, np.nan]])
     np.save(tmp_path / "a.npy", np.repeat(pixels[..., None], 3, axis=2))
@@ -52,7 +51,7 @@ def test_a_command_is_added_by_one_file(rt: Run, tmp_path: Path) -> None:
     ]
 
 
-def test_help_lists_it(rt: Run) -> None:
+def test_help_lists_it(rt):
     assert "  histogram   Print how many pixels" in rt("--help").stdout
     done = rt("histogram", "--help")
     assert "Usage: rt histogram [OPTIONS] {IMAGE}" in done.stdout
@@ -69,7 +68,7 @@ def test_help_lists_it(rt: Run) -> None:
         ((), "rt: Missing argument 'IMAGE' (see 'rt histogram --help')\n"),
     ],
 )
-def test_wrong_input_is_told_in_one_sentence(rt: Run, tmp_path: Path, words: tuple[str, ...], sentence: str) -> None:
+def test_wrong_input_is_told_in_one_sentence(rt, tmp_path, words, sentence):
     np.save(tmp_path / "black.npy", np.zeros((2, 3, 3)))
     (tmp_path / "broken.png").write_bytes(b"no picture")
     done = rt("histogram", *words)
@@ -78,5 +77,5 @@ def test_wrong_input_is_told_in_one_sentence(rt: Run, tmp_path: Path, words: tup
     assert done.stderr.count("\n") == 1
 
 
-def test_without_the_file_there_is_no_such_command() -> None:
+def test_without_the_file_there_is_no_such_command():
     assert importlib.util.find_spec("raytracer.cli.histogram") is None

@@ -38,9 +38,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "lenses.md").read_text(encoding="ut
     ("command", "lens"),
     [("lens LENS", "double-gauss-50mm"), ("lens distortion LENS --width 1920 -o wide.json", "wide-22mm")],
 )
-def test_the_page_on_lenses_shows_what_is_printed(
-    command: str, lens: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_page_on_lenses_shows_what_is_printed(command, lens, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(command.replace("LENS", LENSES[lens]).split()) == 0
     printed = _lines(capsys.readouterr().out)
@@ -50,7 +48,7 @@ def test_the_page_on_lenses_shows_what_is_printed(
     assert command.replace("LENS", f"scenes/lenses/{lens}.yaml").partition(" -o ")[0] in PAGE
 
 
-def _lines(text: str) -> list[str]:
+def _lines(text):
     """Split into lines, without the widths of columns, and without differences that rounding alone makes."""
     # A fit by least squares has six digits on every machine.
     rounded = re.sub(r"-?\d+\.\d{7,}", lambda number: f"{float(number[0]):.6g}", text)
@@ -58,13 +56,13 @@ def _lines(text: str) -> list[str]:
 
 
 @pytest.fixture
-def singlet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def singlet(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "singlet.yaml").write_text(SINGLET)
     return "singlet.yaml"
 
 
-def test_a_summary(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_summary(singlet, capsys):
     assert main(["lens", singlet]) == 0
     out = capsys.readouterr().out
     assert out.startswith("singlet\n")
@@ -72,7 +70,7 @@ def test_a_summary(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "Spots, of all wavelengths together" in out
 
 
-def test_files_of_all_kinds(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_files_of_all_kinds(singlet, capsys):
     names = ["a/report.html", "section.svg", "section.png", "numbers.json"]
     assert main(["lens", singlet, *(part for name in names for part in ("-o", name))]) == 0
     captured = capsys.readouterr()
@@ -85,7 +83,7 @@ def test_files_of_all_kinds(singlet: str, capsys: pytest.CaptureFixture[str]) ->
     assert not list(Path().glob("**/.*.tmp"))
 
 
-def test_json_is_all_of_the_output(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_is_all_of_the_output(capsys):
     arguments = ["--f-number", "4", "--focus-distance", "2m", "--sensor", "aps_c", "--wavelengths", "550, f ,656.3nm"]
     assert main(["lens", GAUSS, *arguments, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -97,7 +95,7 @@ def test_json_is_all_of_the_output(capsys: pytest.CaptureFixture[str]) -> None:
     assert first["magnification"] == pytest.approx(-50.0 / 1950.0, rel=0.05)
 
 
-def test_a_small_lens_is_seen_on_a_small_film(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_small_lens_is_seen_on_a_small_film(capsys):
     assert main(["lens", "distortion", "--json", LENSES["phone-3.7mm"]]) == 0
     circle = read_lens(Path(LENSES["phone-3.7mm"])).image_circle
     assert circle is not None
@@ -107,7 +105,7 @@ def test_a_small_lens_is_seen_on_a_small_film(capsys: pytest.CaptureFixture[str]
     assert found["ideal_mm"][-1] is not None
 
 
-def test_the_f_number_that_is_engraved_is_wide_open(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_f_number_that_is_engraved_is_wide_open(capsys):
     """The double Gauss is called f/2, and opens to f/2.004."""
     assert main(["lens", "distortion", GAUSS, "--f-number", "2", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["f_number"] is None
@@ -145,9 +143,7 @@ def test_the_f_number_that_is_engraved_is_wide_open(capsys: pytest.CaptureFixtur
         (["distortion", "singlet.yaml", "--width", "1"], "Invalid value for '--width'"),
     ],
 )
-def test_what_is_wrong_is_one_sentence(
-    singlet: str, arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_wrong_is_one_sentence(singlet, arguments, sentence, capsys):
     Path("gauss.dat").write_text(DAT)
     Path("folder.html").mkdir()
     before = sorted(Path().iterdir())
@@ -159,10 +155,8 @@ def test_what_is_wrong_is_one_sentence(
     assert sorted(Path().iterdir()) == before
 
 
-def test_what_cannot_be_written_is_one_sentence(
-    singlet: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def full(*_: object) -> None:
+def test_what_cannot_be_written_is_one_sentence(singlet, monkeypatch, capsys):
+    def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.replace", full)
@@ -171,10 +165,8 @@ def test_what_cannot_be_written_is_one_sentence(
     assert not list(Path().glob("*.svg")) + list(Path().glob(".*.tmp"))
 
 
-def test_an_interrupt_ends_it_quietly(
-    singlet: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupt(*_: object) -> None:
+def test_an_interrupt_ends_it_quietly(singlet, monkeypatch, capsys):
+    def interrupt(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("raytracer.analysis.lens_design.performance.lens_study.study_lens", interrupt)
@@ -184,19 +176,19 @@ def test_an_interrupt_ends_it_quietly(
 
 
 @pytest.mark.parametrize("command", [[], ["import"], ["distortion"]])
-def test_help_shows_an_example(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_shows_an_example(command, capsys):
     assert main(["lens", *command, "--help"]) == 0
     out = capsys.readouterr().out
     assert "Example" in out
     assert f"  rt lens {' '.join(command)}".rstrip() in out
 
 
-def test_the_list_of_commands_has_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_list_of_commands_has_it(capsys):
     assert main(["--help"]) == 0
     assert "  lens " in capsys.readouterr().out
 
 
-def test_an_imported_lens_is_the_same_lens(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_imported_lens_is_the_same_lens(singlet, capsys):
     Path("gauss.dat").write_text(DAT)
     assert main(["lens", "import", "gauss.dat", "-o", "gauss.yaml"]) == 0
     out, err = capsys.readouterr()
@@ -208,7 +200,7 @@ def test_an_imported_lens_is_the_same_lens(singlet: str, capsys: pytest.CaptureF
     assert capsys.readouterr().out == Path("gauss.yaml").read_text()
 
 
-def test_distortion_as_text_files_and_json(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_distortion_as_text_files_and_json(singlet, capsys):
     names = ["map.npz", "opencv.yaml", "numbers.json"]
     outputs = [part for name in names for part in ("-o", name)]
     assert main(["lens", "distortion", GAUSS, "--width", "150", *outputs]) == 0
@@ -225,9 +217,7 @@ def test_distortion_as_text_files_and_json(singlet: str, capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize("command", [["lens"], ["lens", "import"], ["lens", "distortion", "--width", "90"]])
-def test_a_table_that_is_read_the_wrong_way_is_warned_of(
-    singlet: str, command: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_that_is_read_the_wrong_way_is_warned_of(singlet, command, capsys):
     Path("gauss.dat").write_text(DAT)
     assert main(["lens", "import", "gauss.dat", "--thickness", "before", "-o", "wrong.yaml"]) == 0
     warning = "surfaces 1 and 2 go through each other within their apertures"
@@ -240,9 +230,7 @@ def test_a_table_that_is_read_the_wrong_way_is_warned_of(
             assert f"rt: warning: {file}: {said}" in capsys.readouterr().err
 
 
-def test_a_warning_is_told_once_on_a_terminal_and_is_in_each_report(
-    singlet: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_warning_is_told_once_on_a_terminal_and_is_in_each_report(singlet, capsys):
     Path("gauss.dat").write_text(DAT)
     assert main(["lens", "import", "gauss.dat", "--thickness", "before", "-o", "wrong.yaml", "-q"]) == 0
     capsys.readouterr()

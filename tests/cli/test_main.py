@@ -20,17 +20,17 @@ BALL = "objects: [{type: sphere, center: [0, 0, 0], radius: 1}]\n"
 
 
 @pytest.fixture
-def good(tmp_path: Path) -> str:
+def good(tmp_path):
     path = tmp_path / "good.yaml"
     path.write_text(SCENE + BALL)
     return str(path)
 
 
-def commands() -> list[str]:
+def commands():
     return [info.name or info.callback.__name__ for info in cli.application().registered_commands if info.callback]
 
 
-def test_help_imports_nothing_slow() -> None:
+def test_help_imports_nothing_slow():
     program = (
         "import sys; from raytracer.cli.base.app import main; assert main(['--help']) == 0;"
         "slow = {'numba', 'numpy', 'pydantic', 'yaml', 'rich', 'trimesh', 'PIL', 'OpenEXR', 'scipy'};"
@@ -42,7 +42,7 @@ def test_help_imports_nothing_slow() -> None:
 
 
 @pytest.mark.parametrize("command", commands())
-def test_every_command_shows_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_shows_an_example(command, capsys):
     assert main([command, "--help"]) == 0
     output = capsys.readouterr().out
     assert f"Usage: rt {command}" in output
@@ -50,14 +50,12 @@ def test_every_command_shows_an_example(command: str, capsys: pytest.CaptureFixt
     assert f"  rt {command}" in output
 
 
-def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_version_is_printed(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"rt {raytracer.__version__}\n"
 
 
-def test_validate_names_the_right_and_every_wrong_file(
-    good: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_validate_names_the_right_and_every_wrong_file(good, tmp_path, capsys):
     bad = tmp_path / "bad.yaml"
     bad.write_text(SCENE.replace("vfov", "vfv").replace("width", "widht"))
     worse = tmp_path / "worse.yaml"
@@ -89,21 +87,15 @@ def test_validate_names_the_right_and_every_wrong_file(
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else "",
 )
-def test_every_failure_is_one_sentence(
-    error: BaseException,
-    status: int,
-    sentence: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_every_failure_is_one_sentence(error, status, sentence, monkeypatch, capsys):
     app = typer.Typer()
 
     @app.callback()
-    def group() -> None:
+    def group():
         pass
 
     @app.command()
-    def fail() -> None:
+    def fail():
         raise error
 
     monkeypatch.setattr(cli, "application", lambda command: app)
@@ -117,7 +109,7 @@ def test_every_failure_is_one_sentence(
     assert ("Traceback" in capsys.readouterr().err) is (status == 1 and not isinstance(error, OutputError))
 
 
-def test_nothing_of_the_current_folder_tells_the_compiler_what_to_do(good: str, tmp_path: Path) -> None:
+def test_nothing_of_the_current_folder_tells_the_compiler_what_to_do(good, tmp_path):
     """Else who renders among files that somebody sent has files of their own overwritten."""
     (tmp_path / "precious").write_text("precious")
     (tmp_path / ".numba_config.yaml").write_text(f"chrome_trace: {tmp_path / 'precious'}\n")
@@ -130,7 +122,7 @@ def test_nothing_of_the_current_folder_tells_the_compiler_what_to_do(good: str, 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 @pytest.mark.parametrize("argument", ["schema", "--version"])
-def test_a_full_disk_under_stdout_is_a_failure_in_one_sentence(argument: str) -> None:
+def test_a_full_disk_under_stdout_is_a_failure_in_one_sentence(argument):
     program = f"import sys; from raytracer.cli.base.app import main; sys.exit(main([{argument!r}]))"
     with open("/dev/full", "w") as full:
         done = subprocess.run(
@@ -140,7 +132,7 @@ def test_a_full_disk_under_stdout_is_a_failure_in_one_sentence(argument: str) ->
     assert done.stderr == "rt: No space left on device\n"
 
 
-def test_a_reader_that_goes_away_is_no_error_message() -> None:
+def test_a_reader_that_goes_away_is_no_error_message():
     program = "import sys; from raytracer.cli.base.app import main; sys.exit(main(['schema']))"
     shell = f"'{sys.executable}' -c \"{program}\" | head -c 10"
     done = subprocess.run(["sh", "-c", shell], capture_output=True, text=True, check=False)

@@ -4,20 +4,16 @@ import json
 import re
 import signal
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.cli.base import outputs
 from raytracer.cli.base.app import main
 from raytracer.cli.base.render_report import summarize
-from raytracer.core.error_estimate.fireflies import Fireflies, find_fireflies
+from raytracer.core.error_estimate.fireflies import find_fireflies
 from raytracer.film import Image, load, load_layers
-from raytracer.kernel.packed_scene import Scene
-from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.rendering import diagnostics
 from raytracer.rendering.diagnostics import SamplePacket
 from raytracer.rendering.session import Rendered
@@ -35,14 +31,14 @@ objects:
 
 
 @pytest.fixture
-def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def scene(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "ball.yaml"
     path.write_text(SCENE)
     return path
 
 
-def test_the_default_output_is_named_for_the_scene(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_default_output_is_named_for_the_scene(scene, capsys):
     assert main(["render", "ball.yaml"]) == 0
     assert load("outputs/ball.png").shape == (16, 24, 3)
     out, err = capsys.readouterr()
@@ -50,12 +46,12 @@ def test_the_default_output_is_named_for_the_scene(scene: Path, capsys: pytest.C
     assert err.startswith("outputs/ball.png: 24 x 16, 16 spp in ")
 
 
-def test_quiet_says_nothing(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_quiet_says_nothing(scene, capsys):
     assert main(["render", "ball.yaml", "-q"]) == 0
     assert capsys.readouterr() == ("", "")
 
 
-def test_every_output_holds_the_same_picture(scene: Path) -> None:
+def test_every_output_holds_the_same_picture(scene):
     names = ["a.npy", "a.exr", "a.hdr", "a.png"]
     assert main(["render", "ball.yaml", "-q", *(word for name in names for word in ("-o", name))]) == 0
     exact = np.load("a.npy")
@@ -65,7 +61,7 @@ def test_every_output_holds_the_same_picture(scene: Path) -> None:
     np.testing.assert_allclose(load("a.png"), np.clip(exact, 0.0, 1.0), atol=2.4 / 255 / 2)
 
 
-def test_exr_header_holds_the_settings(scene: Path) -> None:
+def test_exr_header_holds_the_settings(scene):
     assert main(["render", "ball.yaml", "-q", "-o", "a.exr", "--seed", "7", "--spp", "4"]) == 0
     layers, settings = load_layers("a.exr")
     assert settings["seed"] == "7"
@@ -73,13 +69,13 @@ def test_exr_header_holds_the_settings(scene: Path) -> None:
     assert "variance" in layers
 
 
-def test_a_crop_is_that_part_of_the_picture(scene: Path) -> None:
+def test_a_crop_is_that_part_of_the_picture(scene):
     assert main(["render", "ball.yaml", "-q", "-o", "whole.npy"]) == 0
     assert main(["render", "ball.yaml", "-q", "-o", "part.npy", "--crop", "5,3,21,14"]) == 0
     np.testing.assert_array_equal(np.load("part.npy"), np.load("whole.npy")[3:14, 5:21])
 
 
-def test_overrides_reach_the_render(scene: Path) -> None:
+def test_overrides_reach_the_render(scene):
     assert main(["render", "ball.yaml", "-q", "-o", "a.npy", "-D", "film.width=8", "-D", "render.max_depth=1"]) == 0
     image = np.load("a.npy")
     assert image.shape == (16, 8, 3)
@@ -88,13 +84,13 @@ def test_overrides_reach_the_render(scene: Path) -> None:
     assert image[8, 4, 0] == 0.0
 
 
-def test_preview_is_small(scene: Path) -> None:
+def test_preview_is_small(scene):
     large = ["-D", "film.width=960", "-D", "film.height=640"]
     assert main(["render", "ball.yaml", "-q", "-o", "a.npy", "--preview", *large]) == 0
     assert np.load("a.npy").shape == (320, 480, 3)
 
 
-def test_stats(scene: Path) -> None:
+def test_stats(scene):
     assert main(["render", "ball.yaml", "-q", "--stats", "stats.json", "--threads", "2"]) == 0
     stats = json.loads(Path("stats.json").read_text())
     phases = ("load", "pack", "build", "compile", "render", "develop", "total")
@@ -109,7 +105,7 @@ def test_stats(scene: Path) -> None:
     assert stats["version"]
 
 
-def test_a_time_limit_leaves_a_whole_picture(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_time_limit_leaves_a_whole_picture(scene, capsys):
     assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "1000000", "--time-limit", "0.5s"]) == 0
     assert "rt: out of time; a.npy has " in capsys.readouterr().err
     image = np.load("a.npy")
@@ -118,7 +114,7 @@ def test_a_time_limit_leaves_a_whole_picture(scene: Path, capsys: pytest.Capture
     assert image[8, 12, 0] > 0.1
 
 
-def test_a_time_limit_alone_is_what_was_asked_for(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_time_limit_alone_is_what_was_asked_for(scene, capsys):
     # Of the scene's 16 samples a pixel nothing is said then.
     assert main(["render", "ball.yaml", "-o", "a.npy", "--time-limit", "1s", "--stats", "a.json"]) == 0
     assert "out of time" not in capsys.readouterr().err
@@ -131,7 +127,7 @@ SUMMARY = re.compile(
 )
 
 
-def test_the_summary_says_what_is_known(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_summary_says_what_is_known(scene, capsys):
     assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "64", "--stats", "a.json"]) == 0
     found = SUMMARY.fullmatch(capsys.readouterr().err)
     assert found is not None
@@ -149,7 +145,7 @@ def test_the_summary_says_what_is_known(scene: Path, capsys: pytest.CaptureFixtu
     assert "relative error unknown from fewer than 16 spp" in capsys.readouterr().err
 
 
-def test_noise_is_what_the_picture_ends_with(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_noise_is_what_the_picture_ends_with(scene, capsys):
     words = ["render", "ball.yaml", "-D", "film.width=48", "-o", "a.exr", "--aov", "samples", "--stats", "a.json"]
     assert main([*words, "--noise", "0.02%"]) == 0
     assert re.search(r"48 x 16, [\d.]+ \(\d+ to \d+\) spp in", capsys.readouterr().err)
@@ -167,19 +163,19 @@ def test_noise_is_what_the_picture_ends_with(scene: Path, capsys: pytest.Capture
     assert capsys.readouterr().err == "rt: 64 samples per pixel do not bring a.npy to a relative error of 0.002 %\n"
 
 
-def test_too_few_samples_to_know_the_error(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_too_few_samples_to_know_the_error(scene, capsys):
     assert main(["render", "ball.yaml", "-o", "a.npy", "-q", "--noise", "1%", "--spp", "8"]) == 0
     sentence = "rt: 8 samples per pixel tell too little of the error of a.npy: it takes 16\n"
     assert capsys.readouterr().err == sentence
 
 
-def test_a_black_picture_is_no_success(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_black_picture_is_no_success(scene, capsys):
     assert main(["render", "ball.yaml", "-o", "a.npy", "-q", "--noise", "1%", "-D", "environment.radiance=0"]) == 0
     assert capsys.readouterr().err.endswith("\nrt: a.npy is black, so its relative error says nothing\n")
 
 
-def test_no_room_to_practise_is_no_failure(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*arguments: object) -> None:
+def test_no_room_to_practise_is_no_failure(scene, monkeypatch):
+    def full(*arguments):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(outputs.tempfile, "mkdtemp", full)
@@ -187,7 +183,7 @@ def test_no_room_to_practise_is_no_failure(scene: Path, monkeypatch: pytest.Monk
     assert np.load("a.npy").any()
 
 
-def test_a_limit_that_compiling_took_is_explained(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_limit_that_compiling_took_is_explained(scene, capsys):
     # No command takes a millisecond.
     assert main(["render", "ball.yaml", "-o", "a.npy", "--time-limit", "1ms", "-q"]) == 0
     err = capsys.readouterr().err
@@ -197,9 +193,7 @@ def test_a_limit_that_compiling_took_is_explained(scene: Path, capsys: pytest.Ca
     assert np.load("a.npy").any()
 
 
-def test_ctrl_c_writes_what_is_there(
-    scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ctrl_c_writes_what_is_there(scene, monkeypatch, capsys):
     # The first report of progress comes while the workers are at work; the signal is the one that Ctrl-C sends.
     monkeypatch.setattr(
         "raytracer.rendering.progress.SampleBar.show", lambda bar, progress: signal.raise_signal(signal.SIGINT)
@@ -214,11 +208,9 @@ def test_ctrl_c_writes_what_is_there(
     assert sorted(path.name for path in scene.parent.iterdir()) == ["a.npy", "a.npy.checkpoint", "ball.yaml"]
 
 
-def test_fireflies_are_told_with_what_helps(
-    scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_fireflies_are_told_with_what_helps(scene, monkeypatch, capsys):
     # As if one of 64 samples in the middle of the ball had met a lamp.
-    def struck(mean: NDArray[np.float64], m2: NDArray[np.float64], count: NDArray[np.int64]) -> Fireflies | None:
+    def struck(mean, m2, count):
         mean, m2 = mean.copy(), m2.copy()
         mean[8, 12] += 100.0
         m2[8, 12] += 6400.0**2 * 63.0 / 64.0
@@ -237,9 +229,9 @@ def test_fireflies_are_told_with_what_helps(
         f"rt render ball.yaml --spp 64 --seed 3 --pixel 12,8 --sample {found['sample']} --debug\n"
     )
     # It is looked for among all samples of the pixel, of which an aim for an error takes more than the scene says.
-    asked: list[int] = []
+    asked = []
 
-    def taken(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> Iterator[SamplePacket]:
+    def taken(scene, scratch, x, y, taken):
         asked.append(taken)
         return iter([SamplePacket(0, np.eye(40, 3, -37), np.ones(40))])
 
@@ -259,16 +251,14 @@ def test_fireflies_are_told_with_what_helps(
         (64, {"relative": 0.0123, "low": 0.012, "high": 0.0126}, False, "relative error 1.23 % (1.20 .. 1.26)"),
     ],
 )
-def test_the_summary_says_why_no_error_is_known(
-    fewest: int, error: dict[str, float], interrupted: bool, said: str
-) -> None:
+def test_the_summary_says_why_no_error_is_known(fewest, error, interrupted, said):
     spp = {"fewest": fewest, "mean": float(fewest), "most": fewest}
     stats = Stats(seconds={"render": 1.0}, spp=spp, error=error)
     made = Rendered(Image(np.ones((2, 3, 3))), stats, True, interrupted, fewest, None)
     assert f", {said}, all samples finite" in summarize(made, "a.npy", 2.5)
 
 
-def test_explain_names_every_effect_with_its_reason(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_names_every_effect_with_its_reason(scene, capsys):
     assert main(["explain", "ball.yaml", "--json"]) == 0
     explained = json.loads(capsys.readouterr().out)
     effects = explained["effects"]
@@ -279,7 +269,7 @@ def test_explain_names_every_effect_with_its_reason(scene: Path, capsys: pytest.
     assert explained["camera"]["vfov_deg"] == 40.0
 
 
-def test_explain_follows_overrides(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_follows_overrides(scene, capsys):
     lamp = "objects.0.material={type: emitter, radiance: 1}"
     assert main(["explain", "ball.yaml", "-D", lamp]) == 0
     text = capsys.readouterr().out
@@ -289,7 +279,7 @@ def test_explain_follows_overrides(scene: Path, capsys: pytest.CaptureFixture[st
     assert "light_sampling" in left_out
 
 
-def test_the_thin_lens_is_explained_in_numbers(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_thin_lens_is_explained_in_numbers(scene, capsys):
     lens = "camera={type: thin_lens, look_from: [0, 0, 10], look_at: [0, 0, 0], vfov: 20, defocus_angle: 0.6}"
     assert main(["explain", "ball.yaml", "-D", lens, "-D", "film.height=675", "--json"]) == 0
     camera = json.loads(capsys.readouterr().out)["camera"]
@@ -299,7 +289,7 @@ def test_the_thin_lens_is_explained_in_numbers(scene: Path, capsys: pytest.Captu
     assert camera["focus_distance_m"] == 10.0
 
 
-def test_aovs_are_layers_of_the_exr_file(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_aovs_are_layers_of_the_exr_file(scene, capsys):
     words = ["-o", "a.exr", "-o", "a.png", "--aov", "depth,normal", "--aov", "object_id"]
     assert main(["render", "ball.yaml", "-q", *words]) == 0
     layers, settings = load_layers("a.exr")
@@ -312,9 +302,7 @@ def test_aovs_are_layers_of_the_exr_file(scene: Path, capsys: pytest.CaptureFixt
         assert capsys.readouterr().err == "rt: --aov depth: only .exr and .lf files hold layers: add -o NAME.exr\n"
 
 
-def test_denoising_says_what_it_lacks(
-    scene: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_denoising_says_what_it_lacks(scene, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     assert main(["render", "ball.yaml", "--denoise", "-o", "a.png"]) == 2
     error = capsys.readouterr().err
@@ -323,7 +311,7 @@ def test_denoising_says_what_it_lacks(
     assert not Path("a.png").exists()
 
 
-def test_denoising_marks_the_file(scene: Path) -> None:
+def test_denoising_marks_the_file(scene):
     pytest.importorskip("pyoidn")
     assert main(["render", "ball.yaml", "-q", "--denoise", "-o", "a.exr", "--spp", "4"]) == 0
     layers, settings = load_layers("a.exr")

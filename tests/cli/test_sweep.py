@@ -14,7 +14,7 @@ from tests.analysis.sweep.test_run import BALL, Bench
 
 
 @pytest.fixture
-def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def ball(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("ball.yaml").write_text(BALL)
     Path("lens.yaml").write_text(SCENE)
@@ -22,7 +22,7 @@ def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+def bench(monkeypatch):
     made = Bench()
     monkeypatch.setattr(prepare_points, "prepare_scene", made.ready)
     monkeypatch.setattr(run, "render_prepared", lambda prepared, **keys: prepared.render(**keys))
@@ -32,7 +32,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
 _LENS = ["sweep", "lens.yaml", "-D", "camera.f_number=1.4..2.8", "-D", "camera.focus_distance=2,5"]
 
 
-def test_a_sweep_and_the_same_again(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sweep_and_the_same_again(ball, capsys):
     words = ["sweep", "ball.yaml", "-D", "camera.vfov=30:50:3", "--threads", "2", "-D", "film.width=12"]
     assert main(words) == 0
     told = capsys.readouterr()
@@ -49,7 +49,7 @@ def test_a_sweep_and_the_same_again(ball: Path, capsys: pytest.CaptureFixture[st
     assert [point["camera"]["vfov_deg"] for point in points] == pytest.approx([30.0, 40.0, 50.0])
 
 
-def test_a_failed_point_is_an_exit_status(ball: Path, bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failed_point_is_an_exit_status(ball, bench, capsys):
     assert main(["sweep", "lens.yaml", "-D", "camera.f_number=-1,2,4", "-D", "camera.focus_distance=2"]) == 1
     lines = capsys.readouterr().err.splitlines()
     assert lines[0].startswith("rt: f_number=-1 failed: -D camera.f_number=-1: camera.f_number: must be greater than 0")
@@ -57,8 +57,8 @@ def test_a_failed_point_is_an_exit_status(ball: Path, bench: Bench, capsys: pyte
     assert lines[2].startswith("rt: 1 of 3 points failed")
 
 
-def test_an_interrupt_is_an_exit_status(ball: Path, bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
-    def interrupt(camera: object) -> None:
+def test_an_interrupt_is_an_exit_status(ball, bench, capsys):
+    def interrupt(camera):
         if getattr(camera, "f_number", None) == 2.0:
             raise KeyboardInterrupt
 
@@ -70,7 +70,7 @@ def test_an_interrupt_is_an_exit_status(ball: Path, bench: Bench, capsys: pytest
     assert capsys.readouterr().err == ""
 
 
-def test_pairs_formats_folder_and_animation(ball: Path, bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_pairs_formats_folder_and_animation(ball, bench, capsys):
     words = ["sweep", "lens.yaml", "-D", "camera.f_number=2,4", "-D", "camera.focus_distance=2,5", "--zip"]
     assert (
         main([*words, "-o", "out", "--format", "exr,jpg", "--animate", "gif,webp", "--animate", "png", "--fps", "2"])
@@ -82,7 +82,7 @@ def test_pairs_formats_folder_and_animation(ball: Path, bench: Bench, capsys: py
     assert not list(Path("out").glob("f_number*.png"))
 
 
-def test_options_reach_the_points(ball: Path, bench: Bench) -> None:
+def test_options_reach_the_points(ball, bench):
     options = [
         "--spp",
         "3",
@@ -102,7 +102,7 @@ def test_options_reach_the_points(ball: Path, bench: Bench) -> None:
     assert (expected | {"aovs": ("depth",), "strict": True}).items() <= bench.settings[0].items()
 
 
-def test_a_file_of_a_sweep_names_the_folder(ball: Path, bench: Bench) -> None:
+def test_a_file_of_a_sweep_names_the_folder(ball, bench):
     Path("lesson.yaml").write_text(
         "scene: lens.yaml\ndefine: {camera.focus_distance: 2}\nsweep: {camera.f_number: 2..4}\n"
     )
@@ -128,9 +128,7 @@ def test_a_file_of_a_sweep_names_the_folder(ball: Path, bench: Bench) -> None:
         (["-D", "camera.vfov=40,50", "-o", "ball.yaml"], r"ball\.yaml: is a file, not a folder"),
     ],
 )
-def test_wrong_usage_is_one_sentence_and_no_folder(
-    ball: Path, capsys: pytest.CaptureFixture[str], words: list[str], says: str
-) -> None:
+def test_wrong_usage_is_one_sentence_and_no_folder(ball, capsys, words, says):
     assert main(["sweep", "ball.yaml", *words]) == 2
     told = capsys.readouterr().err
     assert re.search(says, told)
@@ -138,12 +136,12 @@ def test_wrong_usage_is_one_sentence_and_no_folder(
     assert not Path("outputs").exists()
 
 
-def test_the_limit_is_the_packages(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_limit_is_the_packages(ball, capsys):
     assert main(["sweep", "ball.yaml", "-D", f"camera.vfov=1:90:{MAX_POINTS + 1}"]) == 2
     assert f"more than the {MAX_POINTS:,}" in capsys.readouterr().err
 
 
-def test_a_dry_run_tells_points_and_what_is_wrong_with_them(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_tells_points_and_what_is_wrong_with_them(ball, capsys):
     assert main([*_LENS, "--dry-run"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 6

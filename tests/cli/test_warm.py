@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -18,7 +17,7 @@ SCENE = (
 )
 
 
-def rt(folder: Path, *words: str, status: int = 0) -> "subprocess.CompletedProcess[str]":
+def rt(folder, *words, status=0):
     """Run rt in a process of its own, with a cache of its own."""
     own = {"RAYTRACER_CACHE_DIR": str(folder / "cache"), "RAYTRACER_KEY_DIR": str(folder / "key")}
     done = subprocess.run(
@@ -34,7 +33,7 @@ def rt(folder: Path, *words: str, status: int = 0) -> "subprocess.CompletedProce
 
 
 @pytest.fixture
-def scene(tmp_path: Path) -> Path:
+def scene(tmp_path):
     (tmp_path / "a.yaml").write_text(SCENE)
     return tmp_path
 
@@ -42,7 +41,7 @@ def scene(tmp_path: Path) -> Path:
 _FIRST = "rt: this combination of effects is compiled for the first time"
 
 
-def test_what_was_warmed_is_rendered_without_the_compiler(scene: Path) -> None:
+def test_what_was_warmed_is_rendered_without_the_compiler(scene):
     first = rt(scene, "warm", "a.yaml", "a.yaml").stdout.splitlines()
     assert first[0].startswith("a.yaml: compiled in ")
     assert first[1:] == ["a.yaml: was in the cache"]
@@ -57,7 +56,7 @@ def test_what_was_warmed_is_rendered_without_the_compiler(scene: Path) -> None:
     assert json.loads(rt(scene, "cache", "--json").stdout)["kernels"] == 3
 
 
-def test_a_render_says_that_it_compiles_and_what_the_command_took(scene: Path) -> None:
+def test_a_render_says_that_it_compiles_and_what_the_command_took(scene):
     cold = rt(scene, "render", "a.yaml", "-o", "a.npy", "--spp", "2").stderr.splitlines()
     assert cold[0].startswith(_FIRST)
     assert " s in all, " in cold[1]
@@ -67,7 +66,7 @@ def test_a_render_says_that_it_compiles_and_what_the_command_took(scene: Path) -
     assert rt(scene, "render", "a.yaml", "-o", "a.npy", "--spp", "2", "--quiet").stderr == ""
 
 
-def test_the_cache_is_shown_and_cleared(scene: Path) -> None:
+def test_the_cache_is_shown_and_cleared(scene):
     rt(scene, "warm", "a.yaml", "--quiet")
     shown = rt(scene, "cache").stdout
     assert f"folder   {scene / 'cache'}\nkernels  1\nparts    " in shown
@@ -75,7 +74,7 @@ def test_the_cache_is_shown_and_cleared(scene: Path) -> None:
     assert "kernels  0\nparts    0\nsize     0.0 MB\noldest   -\n" in rt(scene, "cache").stdout
 
 
-def test_what_cannot_be_warmed_is_said(scene: Path) -> None:
+def test_what_cannot_be_warmed_is_said(scene):
     assert rt(scene, "warm", "b.yaml", status=2).stderr == "rt: b.yaml: no such file\n"
     assert "unknown AOV 'dpth'" in rt(scene, "warm", "a.yaml", "--aov", "dpth", status=2).stderr
     shutil.rmtree(scene / "cache")
@@ -110,7 +109,7 @@ _SCENES_OWN = {
 }
 
 
-def test_a_plain_render_imports_what_its_scene_names(scene: Path) -> None:
+def test_a_plain_render_imports_what_its_scene_names(scene):
     """A package or a kind more is time in each start: this list grows for a reason, or not at all."""
     rt(scene, "warm", "a.yaml", "--quiet")
     own = {"RAYTRACER_CACHE_DIR": str(scene / "cache"), "RAYTRACER_KEY_DIR": str(scene / "key")}

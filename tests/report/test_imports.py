@@ -15,7 +15,7 @@ import pytest
         "raytracer.cli.main, raytracer.rendering.render",
     ],
 )
-def test_modules_of_reports_import_neither_matplotlib_nor_jinja(modules: str) -> None:
+def test_modules_of_reports_import_neither_matplotlib_nor_jinja(modules):
     code = f"import sys, {modules}; print({{'matplotlib', 'jinja2', 'markupsafe'}} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "set()"

@@ -31,7 +31,7 @@ INF, NAN = math.inf, math.nan
         (2e-8, "2.00e-05 ms"),
     ],
 )
-def test_durations(seconds: float, said: str) -> None:
+def test_durations(seconds, said):
     assert wording.format_duration(seconds) == said
 
 
@@ -51,16 +51,16 @@ def test_durations(seconds: float, said: str) -> None:
         (Interval(0.0, 0.0, 0.0), "0 %"),
     ],
 )
-def test_percentages_with_intervals(interval: Interval, said: str) -> None:
+def test_percentages_with_intervals(interval, said):
     assert wording.format_percent_interval(interval) == said
 
 
 @pytest.mark.parametrize(("value", "said"), [(0.09999, "10.0 %"), (0.00000814, "0.000814 %"), (NAN, "unknown")])
-def test_percentages(value: float, said: str) -> None:
+def test_percentages(value, said):
     assert wording.format_percent(value) == said
 
 
-def test_intervals_of_times_are_in_one_unit() -> None:
+def test_intervals_of_times_are_in_one_unit():
     assert wording.format_duration_interval(Interval(61.2, 58.0, 65.1)) == "61.2 s (58.0 .. 65.1)"
     assert wording.format_duration_interval(Interval(0.9, 0.8, 1.1)) == "900 ms (800 .. 1,100)"
     assert wording.format_duration_interval(Interval(448.8, 325.8, 649.8)) == "7.48 min (5.43 .. 10.83)"
@@ -73,12 +73,12 @@ def test_intervals_of_times_are_in_one_unit() -> None:
 @pytest.mark.parametrize(
     ("number", "said"), [(0, "0 points"), (1, "1 point"), (2, "2 points"), (12000, "12000 points")]
 )
-def test_things_are_counted(number: int, said: str) -> None:
+def test_things_are_counted(number, said):
     assert wording.count(number, "point") == said
     assert said.split()[1] == wording.plural(number, "point")
 
 
-def test_what_has_no_value_is_said_in_words() -> None:
+def test_what_has_no_value_is_said_in_words():
     assert wording.millimetres(float("nan")) == "none"
     assert wording.millimetres(float("-inf")) == "infinite"
     assert wording.millimetres(-1.5) == "−1.50000 mm"
@@ -102,10 +102,10 @@ def test_what_has_no_value_is_said_in_words() -> None:
         (INF, "infinity"),
     ],
 )
-def test_compact_numbers_have_an_exponent_only_where_it_is_shorter(value: float, said: str) -> None:
+def test_compact_numbers_have_an_exponent_only_where_it_is_shorter(value, said):
     assert wording.compact_number(value) == said
 
 
 @pytest.mark.parametrize(("seconds", "said"), [(0.008, "1/125 s"), (0.4, "0.4 s"), (0.5, "0.5 s"), (2.0, "2 s")])
-def test_short_exposures_are_fractions(seconds: float, said: str) -> None:
+def test_short_exposures_are_fractions(seconds, said):
     assert wording.exposure_time(seconds) == said

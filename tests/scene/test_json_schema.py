@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -22,16 +21,16 @@ objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: gre
 
 
 @pytest.fixture(scope="module")
-def validator() -> Any:
+def validator():
     return jsonschema.Draft202012Validator(scene_schema())
 
 
-def test_it_is_a_schema_in_plain_json() -> None:
+def test_it_is_a_schema_in_plain_json():
     jsonschema.Draft202012Validator.check_schema(scene_schema())
     assert json.loads(json.dumps(scene_schema(), allow_nan=False)) == scene_schema()
 
 
-def first_of_each(objects: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def first_of_each(objects):
     """Those that have other keys than all before them: a schema hardly tells the others apart."""
     return list(
         {json.dumps([(key, type(item[key]).__name__) for key in item]): item for item in objects[::-1]}.values()
@@ -39,11 +38,11 @@ def first_of_each(objects: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_the_scenes_of_the_repository_conform(validator: Any, every: bool) -> None:
+def test_the_scenes_of_the_repository_conform(validator, every):
     for path in sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml")):
         root = parse(path.read_text(encoding="utf-8"), str(path))
         assert root is not None
-        plain: Any = root.plain()
+        plain = root.plain()
         validator.validate(plain if every else {**plain, "objects": first_of_each(plain["objects"])})
 
 
@@ -76,7 +75,7 @@ def test_the_scenes_of_the_repository_conform(validator: Any, every: bool) -> No
         ("materials:", "environment: {type: sky, turbidity: 1}\nmaterials:", False),
     ],
 )
-def test_it_agrees_with_the_checks(validator: Any, old: str, new: str, valid: bool) -> None:
+def test_it_agrees_with_the_checks(validator, old, new, valid):
     text = SCENE.replace(old, new)
     root = parse(text, "f")
     assert root is not None
@@ -88,7 +87,7 @@ def test_it_agrees_with_the_checks(validator: Any, old: str, new: str, valid: bo
             build(text, "f")
 
 
-def test_descriptions_tell_units_and_defaults() -> None:
+def test_descriptions_tell_units_and_defaults():
     definitions = scene_schema()["$defs"]
     assert "degrees" in definitions["Pinhole"]["properties"]["vfov"]["description"]
     assert "metres" in definitions["Sphere"]["properties"]["center"]["description"]
@@ -99,7 +98,7 @@ def test_descriptions_tell_units_and_defaults() -> None:
     assert definitions["Render"]["properties"]["sampler"]["enum"] == ["sobol", "independent", "stratified"]
 
 
-def test_defaults_are_values_that_the_schema_takes(validator: Any) -> None:
+def test_defaults_are_values_that_the_schema_takes(validator):
     found = 0
     for definition in scene_schema()["$defs"].values():
         for key, node in definition.get("properties", {}).items():

@@ -3,7 +3,6 @@
 import math
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 
 from raytracer.scene.load import build, load
 from raytracer.scene.overrides import parse_overrides
-from raytracer.scene.spec import SceneSpec
 from raytracer.schema.yaml_nodes import path_text
 from raytracer.util.errors import InputError, SceneError
 
@@ -34,27 +32,27 @@ objects:
 """
 
 
-def scene(text: str = SCENE, **overrides: Any) -> SceneSpec:
+def scene(text=SCENE, **overrides):
     return build(text, "scene.yaml", overrides)
 
 
-def complaint(text: str, overrides: dict[str, Any] | None = None) -> str:
+def complaint(text, overrides=None):
     with pytest.raises(SceneError) as caught:
         build(text, "scene.yaml", overrides)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
 
-def test_values_arrive_in_their_units() -> None:
+def test_values_arrive_in_their_units():
     result = scene()
     assert (result.film.width, result.film.height) == (8, 6)
-    small: Any = result.objects[1]
+    small = result.objects[1]
     assert small.radius == 0.02
     assert small.material.fuzz == 0.25
     assert result.objects[0].material == "grey"
 
 
-def test_defaults() -> None:
+def test_defaults():
     result = scene()
     assert result.render.model_dump() == {
         "spp": 64,
@@ -67,10 +65,10 @@ def test_defaults() -> None:
         "clamp": None,
     }
     assert result.environment is None
-    assert result.film.filter.type == "box"  # type: ignore[attr-defined]
+    assert result.film.filter.type == "box"
 
 
-def test_a_filter_is_a_name_or_a_mapping() -> None:
+def test_a_filter_is_a_name_or_a_mapping():
     named = scene(SCENE.replace("height: 6", "height: 6, filter: box"))
     written = scene(SCENE.replace("height: 6", "height: 6, filter: {type: box}"))
     assert named.film == written.film == scene().film
@@ -101,60 +99,60 @@ def test_a_filter_is_a_name_or_a_mapping() -> None:
         ("objects:", "objects:\n  3\no:", "scene.yaml:8: objects: must be a list, got 3"),
     ],
 )
-def test_an_error_names_line_key_and_remedy(old: str, new: str, expected: str) -> None:
+def test_an_error_names_line_key_and_remedy(old, new, expected):
     assert old in SCENE
     assert expected in complaint(SCENE.replace(old, new))
 
 
-def test_of_several_errors_the_first_in_the_document_is_told() -> None:
+def test_of_several_errors_the_first_in_the_document_is_told():
     text = SCENE.replace("vfov: 40", "vfov: -1").replace("radius: 1", "radius: x") + "rendr: {}\n"
     assert complaint(text).startswith("scene.yaml:4: camera.vfov")
     assert complaint(text.replace("vfov: -1", "vfov: 1")).startswith("scene.yaml:9: objects[0].radius")
 
 
-def test_a_misspelt_key_is_told_before_the_key_it_stands_for_is_missed() -> None:
+def test_a_misspelt_key_is_told_before_the_key_it_stands_for_is_missed():
     assert "unknown key 'widht' of film; did you mean 'width'?" in complaint(SCENE.replace("width", "widht"))
 
 
-def test_an_error_in_an_alias_names_the_line_where_it_is_written() -> None:
+def test_an_error_in_an_alias_names_the_line_where_it_is_written():
     text = SCENE.replace("grey: {type: lambertian, albedo: 0.5}", "grey: &g {type: lambertian, albedo: 5}\n  more: *g")
     assert complaint(text).startswith("scene.yaml:7: materials.grey.albedo")
 
 
 @pytest.mark.parametrize("text", ["", "# nothing\n", "---\n", "~\n"])
-def test_an_empty_scene_is_told(text: str) -> None:
+def test_an_empty_scene_is_told(text):
     assert complaint(text) == "scene.yaml: is empty; a scene needs at least camera and film"
 
 
-def test_a_scene_that_is_a_list_is_told() -> None:
+def test_a_scene_that_is_a_list_is_told():
     assert complaint("- 1\n").startswith("scene.yaml:1: must be a mapping (camera, film")
 
 
 # ---- Overrides
 
 
-def test_overrides_replace_values_by_path() -> None:
-    overrides: dict[str, Any] = {
+def test_overrides_replace_values_by_path():
+    overrides = {
         "camera.vfov": "0.5 rad",
         "objects[1].radius": 2,
         "objects.ball.radius": 3,
         "render.spp": 7,
         "film.width": 9,
     }
-    result: Any = scene(**overrides)
+    result = scene(**overrides)
     assert result.camera.vfov == pytest.approx(math.degrees(0.5))
     assert [item.radius for item in result.objects] == [3.0, 2.0]
     assert (result.render.spp, result.film.width) == (7, 9)
 
 
-def test_an_override_from_python_may_be_an_array() -> None:
-    overrides: dict[str, Any] = {"camera.look_from": np.array([0.0, 1.0, 4.0]), "render.spp": np.int64(7)}
-    result: Any = scene(**overrides)
+def test_an_override_from_python_may_be_an_array():
+    overrides = {"camera.look_from": np.array([0.0, 1.0, 4.0]), "render.spp": np.int64(7)}
+    result = scene(**overrides)
     assert result.camera.look_from == (0.0, 1.0, 4.0)
     assert result.render.spp == 7
 
 
-def test_an_override_can_stand_for_what_is_missing() -> None:
+def test_an_override_can_stand_for_what_is_missing():
     assert scene(SCENE.replace("width: 8, ", ""), **{"film.width": 5}).film.width == 5
 
 
@@ -178,11 +176,11 @@ def test_an_override_can_stand_for_what_is_missing() -> None:
         ({"camera.look_from": None}, "-D camera.look_from=null: camera.look_from: must be a point of three"),
     ],
 )
-def test_an_error_of_an_override_names_the_option(overrides: dict[str, Any], expected: str) -> None:
+def test_an_error_of_an_override_names_the_option(overrides, expected):
     assert complaint(SCENE, overrides).startswith(expected)
 
 
-def test_override_options_are_yaml() -> None:
+def test_override_options_are_yaml():
     assert parse_overrides(["a.b=1e-3", "c=[1, x]", "d=50 mm", "e=", "f=a=b"]) == {
         "a.b": 0.001,
         "c": [1, "x"],
@@ -203,7 +201,7 @@ def test_override_options_are_yaml() -> None:
         (["a=!!python/object:x 1"], "is refused"),
     ],
 )
-def test_a_wrong_override_option_is_told(options: list[str], words: str) -> None:
+def test_a_wrong_override_option_is_told(options, words):
     with pytest.raises(InputError) as caught:
         parse_overrides(options)
     assert words in str(caught.value)
@@ -212,7 +210,7 @@ def test_a_wrong_override_option_is_told(options: list[str], words: str) -> None
 # ---- Files
 
 
-def test_files_are_relative_to_the_scene(tmp_path: Path) -> None:
+def test_files_are_relative_to_the_scene(tmp_path):
     (tmp_path / "rock.ply").write_bytes(b"ply")
     path = tmp_path / "scene.yaml"
     path.write_text(SCENE + "  - {type: mesh, file: rock.ply}\n")
@@ -228,7 +226,7 @@ def test_files_are_relative_to_the_scene(tmp_path: Path) -> None:
         load(path)
 
 
-def test_the_scenes_of_the_repository_are_valid() -> None:
+def test_the_scenes_of_the_repository_are_valid():
     found = sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml"))
     assert found
     for path in found:
@@ -248,7 +246,7 @@ VALUES = st.recursive(
 )
 
 
-def paths(value: Any, path: tuple[str | int, ...] = ()) -> list[str]:
+def paths(value, path=()):
     below = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     found = [path_text(path)] if path else []
     return found + [deeper for key, item in below for deeper in paths(item, (*path, key))]
@@ -272,7 +270,7 @@ objects:
 JARGON = re.compile(r"Input should|valid |validat|\[type=|Value error|\bNone\b|\bdict\b|\btuple\b|pydantic|Error")
 
 
-def one_sentence_or_a_scene(text: str, overrides: dict[str, Any] | None = None) -> None:
+def one_sentence_or_a_scene(text, overrides=None):
     try:
         build(text, "scene.yaml", overrides)
     except SceneError as error:
@@ -287,10 +285,10 @@ def one_sentence_or_a_scene(text: str, overrides: dict[str, Any] | None = None) 
 
 
 @given(path=st.sampled_from(paths(yaml.safe_load(EVERYWHERE))), value=VALUES)
-def test_any_value_anywhere_is_taken_or_refused_in_one_sentence(path: str, value: Any) -> None:
+def test_any_value_anywhere_is_taken_or_refused_in_one_sentence(path, value):
     one_sentence_or_a_scene(EVERYWHERE, {path: value})
 
 
 @given(start=st.integers(0, len(EVERYWHERE)), length=st.integers(0, 9), new=TEXTS)
-def test_any_damage_to_the_text_is_survived_or_refused_in_one_sentence(start: int, length: int, new: str) -> None:
+def test_any_damage_to_the_text_is_survived_or_refused_in_one_sentence(start, length, new):
     one_sentence_or_a_scene(EVERYWHERE[:start] + new + EVERYWHERE[start + length :])

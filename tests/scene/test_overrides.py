@@ -1,7 +1,5 @@
 """Overrides of a checked scene: as those of a file, and no more work than they ask for."""
 
-from typing import Any
-
 import pytest
 
 import raytracer as rt
@@ -38,13 +36,13 @@ objects:
     ],
     ids=lambda overrides: " ".join(overrides) or "none",
 )
-def test_it_is_as_if_the_file_had_been_loaded_with_them(overrides: dict[str, Any]) -> None:
+def test_it_is_as_if_the_file_had_been_loaded_with_them(overrides):
     if list(overrides)[0:1] == ["film.filter"]:
         overrides = {"film.filter": {"type": "gaussian", "sigma": 0.4}}
     assert apply_overrides(build(SCENE, "a.yaml"), overrides) == build(SCENE, "a.yaml", overrides)
 
 
-def test_what_is_not_touched_is_what_it_was() -> None:
+def test_what_is_not_touched_is_what_it_was():
     scene = build(SCENE, "a.yaml")
     seen = apply_overrides(scene, {"camera.vfov": 20, "render.spp": 4})
     assert seen.objects is scene.objects
@@ -57,13 +55,13 @@ def test_what_is_not_touched_is_what_it_was() -> None:
     assert apply_overrides(scene, {"materials.gold.fuzz": 0.1}).materials["grey"] is scene.materials["grey"]
 
 
-def test_one_override_sees_what_another_did() -> None:
+def test_one_override_sees_what_another_did():
     scene = apply_overrides(build(SCENE, "a.yaml"), {"camera.vfov": 20})
     scene = apply_overrides(scene, {"film.width": 5})
     assert (scene.camera.vfov, scene.film.width) == (20.0, 5)
 
 
-def test_a_scene_that_was_changed_in_code_keeps_the_change() -> None:
+def test_a_scene_that_was_changed_in_code_keeps_the_change():
     scene = build(SCENE, "a.yaml")
     changed = scene.model_copy(update={"film": scene.film.model_copy(update={"width": 3})})
     assert apply_overrides(changed, {"film.height": 2}).film.width == 3
@@ -93,13 +91,13 @@ def test_a_scene_that_was_changed_in_code_keeps_the_change() -> None:
         ({"camera.diameter": -1}, "-D camera.diameter=-1: camera.diameter: must be at least 0, got -1"),
     ],
 )
-def test_mistakes_are_told_as_those_of_a_file_are(overrides: dict[str, Any], sentence: str) -> None:
+def test_mistakes_are_told_as_those_of_a_file_are(overrides, sentence):
     with pytest.raises(InputError) as caught:
         apply_overrides(build(SCENE, "a.yaml"), overrides)
     assert str(caught.value) == sentence
 
 
-def test_scenes_made_in_code_have_no_lines_to_tell() -> None:
+def test_scenes_made_in_code_have_no_lines_to_tell():
     scene = rt.Scene(camera=rt.camera.pinhole(), film=rt.Film(width=4, height=3))
     assert scene.replace({"film.width": 7}).film.width == 7
     with pytest.raises(InputError) as caught:
@@ -110,6 +108,6 @@ def test_scenes_made_in_code_have_no_lines_to_tell() -> None:
     assert str(caught.value) == "-D medium=water: medium: unknown medium 'water'; there are no media"
 
 
-def test_a_file_that_is_not_there_is_told_where_it_is_named() -> None:
+def test_a_file_that_is_not_there_is_told_where_it_is_named():
     with pytest.raises(InputError, match=r"-D environment=\{.*: environment\.file: there is no file 'sky\.png' in "):
         apply_overrides(build(SCENE, "a.yaml"), {"environment": {"type": "image", "file": "sky.png"}})

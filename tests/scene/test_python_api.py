@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +17,7 @@ objects:
 """
 
 
-def test_load_render_save(tmp_path: Path) -> None:
+def test_load_render_save(tmp_path):
     path = tmp_path / "ball.yaml"
     path.write_text(SCENE)
     scene = rt.load(path, {"film.width": 12})
@@ -32,7 +31,7 @@ def test_load_render_save(tmp_path: Path) -> None:
     assert (tmp_path / "ball.png").read_bytes() == image._repr_png_()
 
 
-def test_importing_the_package_imports_no_compiler() -> None:
+def test_importing_the_package_imports_no_compiler():
     program = "import sys, raytracer; print('numba' in sys.modules, hasattr(raytracer, 'nonsense'))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]

@@ -1,8 +1,6 @@
 """Families find their kinds by looking; the contract's kinds are there."""
 
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -33,7 +31,7 @@ class {name}(Spec):
 
 
 @pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def package(tmp_path, monkeypatch):
     """An empty package `things` that can be imported."""
     folder = tmp_path / "things"
     folder.mkdir()
@@ -44,13 +42,13 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         del sys.modules[module]
 
 
-def complaint(family: Family, value: object) -> str:
+def complaint(family, value):
     with pytest.raises(ValidationError) as caught:
         TypeAdapter(family.union()).validate_python(value)
     return error_sentence(caught.value.errors()[0])
 
 
-def test_a_new_file_is_a_new_kind(package: Path) -> None:
+def test_a_new_file_is_a_new_kind(package):
     (package / "zebra.py").write_text(KIND.format(name="Zebra", type="zebra"))
     (package / "ant.py").write_text(KIND.format(name="Ant", type="ant"))
     (package / "borrower.py").write_text("from things.ant import Ant\n")
@@ -61,7 +59,7 @@ def test_a_new_file_is_a_new_kind(package: Path) -> None:
     assert thing.value == 3.0
 
 
-def test_two_kinds_of_one_name_are_refused(package: Path) -> None:
+def test_two_kinds_of_one_name_are_refused(package):
     (package / "one.py").write_text(KIND.format(name="One", type="same"))
     (package / "two.py").write_text(KIND.format(name="Two", type="same"))
     with pytest.raises(TypeError, match="two kinds are called 'same'"):
@@ -69,7 +67,7 @@ def test_two_kinds_of_one_name_are_refused(package: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_a_wrong_type_is_told_however_many_kinds_there_are(package: Path, count: int) -> None:
+def test_a_wrong_type_is_told_however_many_kinds_there_are(package, count):
     for name in ["sphere", "box"][:count]:
         (package / f"{name}.py").write_text(KIND.format(name=name.title(), type=name))
     family = Family("thing", "things")
@@ -78,11 +76,11 @@ def test_a_wrong_type_is_told_however_many_kinds_there_are(package: Path, count:
     assert "got a list of 0" in complaint(family, [])
 
 
-def test_of_a_family_without_kinds_nothing_is_valid(package: Path) -> None:
+def test_of_a_family_without_kinds_nothing_is_valid(package):
     assert "there are no types" in complaint(Family("thing", "things"), {"type": "sphere"})
 
 
-def test_a_kind_is_imported_when_it_is_named(package: Path) -> None:
+def test_a_kind_is_imported_when_it_is_named(package):
     for name in ("ant", "zebra"):
         (package / f"{name}.py").write_text(KIND.format(name=name.title(), type=name))
     (package / "many.py").write_text(KIND.format(name="Gnu", type="gnu"))
@@ -97,7 +95,7 @@ def test_a_kind_is_imported_when_it_is_named(package: Path) -> None:
 
 
 @pytest.mark.parametrize("family", [CAMERAS, MATERIALS, MEDIA, SHAPES, TEXTURES], ids=lambda family: family.noun)
-def test_kinds_of_these_families_are_called_as_their_modules_are(family: Family) -> None:
+def test_kinds_of_these_families_are_called_as_their_modules_are(family):
     assert family.modules == {name: spec.__module__ for name, spec in family.specs().items()}
 
 
@@ -116,7 +114,7 @@ def test_kinds_of_these_families_are_called_as_their_modules_are(family: Family)
     ],
     ids=lambda value: value.noun if isinstance(value, Family) else "",
 )
-def test_every_kind_has_a_file_and_documents_its_keys(family: Family, names: set[str]) -> None:
+def test_every_kind_has_a_file_and_documents_its_keys(family, names):
     specs = family.specs()
     assert names <= specs.keys()
     for name, spec in specs.items():

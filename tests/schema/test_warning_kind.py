@@ -2,13 +2,11 @@
 
 import string
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from docs.make_warnings import all_warning_kinds
-from raytracer.schema.warning_kind import Sentence, WarningFamily, WarningKind, WarningRecord
+from raytracer.schema.warning_kind import Sentence, WarningFamily, WarningRecord
 
 KIND = """\
 from raytracer.schema.warning_kind import Sentence, WarningKind
@@ -26,7 +24,7 @@ KINDS = all_warning_kinds()
 
 
 @pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def package(tmp_path, monkeypatch):
     """An empty package `oddities` that can be imported."""
     folder = tmp_path / "oddities"
     folder.mkdir()
@@ -37,7 +35,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         del sys.modules[module]
 
 
-def test_a_new_file_is_a_new_kind(package: Path) -> None:
+def test_a_new_file_is_a_new_kind(package):
     (package / "ant.py").write_text(KIND.format(name="Ant", rank=2))
     (package / "zebra.py").write_text(KIND.format(name="Zebra", rank=1))
     (package / "borrower.py").write_text("from oddities.ant import Ant\n")
@@ -52,7 +50,7 @@ def test_a_new_file_is_a_new_kind(package: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: type(kind).__name__)
-def test_every_kind_is_complete(kind: WarningKind[object]) -> None:
+def test_every_kind_is_complete(kind):
     assert kind.name
     assert kind.section
     assert kind.sentences()
@@ -64,16 +62,16 @@ def test_every_kind_is_complete(kind: WarningKind[object]) -> None:
             assert not _fields(sentence.remedy)
 
 
-def test_kinds_have_an_order_and_their_sentences_differ() -> None:
+def test_kinds_have_an_order_and_their_sentences_differ():
     places = [(kind.__module__.rpartition(".")[0], kind.rank) for kind in KINDS]
     assert len(set(places)) == len(places)
     texts = [sentence.text for kind in KINDS for sentence in kind.sentences()]
     assert len(set(texts)) == len(texts) > 50
 
 
-def test_values_may_hold_braces() -> None:
+def test_values_may_hold_braces():
     assert Sentence("{name} is odd: {remedy}", "", "leave {name} out").fill(name="{x}") == "{x} is odd: leave {x} out"
 
 
-def _fields(template: str) -> set[str]:
+def _fields(template):
     return {field for _, field, _, _ in string.Formatter().parse(template) if field is not None}

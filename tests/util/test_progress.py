@@ -1,8 +1,6 @@
 """What bars tell of the time that is left."""
 
 import io
-from collections.abc import Iterator
-from typing import Any
 
 import pytest
 
@@ -18,19 +16,19 @@ _SPP = 1024
 class _Clock:
     """A clock for bars, moved by hand."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.now = 0.0
 
-    def __call__(self) -> float:
+    def __call__(self):
         return self.now
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> _Clock:
+def clock(monkeypatch):
     found, textual = _Clock(), progress.tqdm_class()
 
-    class Clocked(textual):  # type: ignore[misc]
-        def __init__(self, **options: Any) -> None:
+    class Clocked(textual):
+        def __init__(self, **options):
             super().__init__(file=io.StringIO(), **options)
             self._time = found
             self.start_t = self.last_print_t = found.now
@@ -39,7 +37,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> _Clock:
     return found
 
 
-def _passes(begin: int = 0) -> Iterator[tuple[int, float]]:
+def _passes(begin=0):
     """Yield samples and seconds of the passes of an uneven picture, row by row, as `TileQueue.render_passes` does."""
     while begin < _SPP:
         end = pass_end(begin, _SPP)
@@ -48,14 +46,14 @@ def _passes(begin: int = 0) -> Iterator[tuple[int, float]]:
         begin = end
 
 
-def _left(bar: SampleBar) -> float:
+def _left(bar):
     """Seconds that a bar says are left."""
     told = bar._bar.format_dict
     rate = told["rate"] or (told["n"] - told["initial"]) / told["elapsed"]
     return float((told["total"] - told["n"]) / rate)
 
 
-def test_the_end_is_told_within_a_third_after_the_first_eighth_of_an_uneven_picture(clock: _Clock) -> None:
+def test_the_end_is_told_within_a_third_after_the_first_eighth_of_an_uneven_picture(clock):
     # By the speed of the last moments it is off by more than the whole.
     whole, wanted = sum(_ROWS) * _SPP, len(_ROWS) * _SPP
     done, worst = 0, 0.0
@@ -70,7 +68,7 @@ def test_the_end_is_told_within_a_third_after_the_first_eighth_of_an_uneven_pict
     assert worst < 1.0 / 3.0
 
 
-def test_samples_that_were_taken_up_are_no_speed(clock: _Clock) -> None:
+def test_samples_that_were_taken_up_are_no_speed(clock):
     # Half of the picture was there; a row of the other half takes as long as it did.
     wanted, before = len(_ROWS) * _SPP, len(_ROWS) * _SPP // 2
     with SampleBar(always=True) as bar:
@@ -80,7 +78,7 @@ def test_samples_that_were_taken_up_are_no_speed(clock: _Clock) -> None:
         assert _left(bar) == pytest.approx(100.0)
 
 
-def test_the_picture_made_up_here_is_uneven_within_each_pass() -> None:
+def test_the_picture_made_up_here_is_uneven_within_each_pass():
     first = [seconds for _, seconds in _passes()][: len(_ROWS)]
     assert sum(samples for samples, _ in _passes()) == len(_ROWS) * _SPP
     assert first[-1] == 10.0 * first[0] == 10.0 * FIRST_PASS

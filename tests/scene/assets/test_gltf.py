@@ -4,8 +4,6 @@ import base64
 import io
 import json
 import struct
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import PIL.Image
@@ -26,11 +24,11 @@ UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
 FACES = np.array([0, 1, 2, 0, 2, 3], np.uint16)
 
 
-def uri(data: bytes, mime: str = "application/octet-stream") -> str:
+def uri(data, mime="application/octet-stream"):
     return f"data:{mime};base64,{base64.b64encode(data).decode()}"
 
 
-def png(pixels: Any) -> bytes:
+def png(pixels):
     file = io.BytesIO()
     PIL.Image.fromarray(np.array(pixels, np.uint8)).save(file, "PNG")
     return file.getvalue()
@@ -40,22 +38,15 @@ COLORS = png([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]])
 HOLES = png([[[200, 200, 200, 255], [200, 200, 200, 0]]])
 
 
-def document(
-    materials: list[dict[str, Any]] | None,
-    *,
-    used: list[int | None] | None = None,
-    images: tuple[bytes, ...] = (),
-    samplers: list[dict[str, Any]] | None = None,
-    **more: Any,
-) -> dict[str, Any]:
+def document(materials, *, used=None, images=(), samplers=None, **more):
     """A file of one square for each of the materials `used` (all by default), with a texture for each image."""
     data = CORNERS.tobytes() + UV.tobytes() + FACES.tobytes()
     which = list(range(len(materials or []))) if used is None else used
-    primitives: list[dict[str, Any]] = [
+    primitives = [
         {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, **({} if item is None else {"material": item})}
         for item in which or [None]
     ]
-    result: dict[str, Any] = {
+    result = {
         "asset": {"version": "2.0"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
@@ -83,13 +74,13 @@ def document(
     return result
 
 
-def written(folder: Path, content: dict[str, Any]) -> Path:
+def written(folder, content):
     path = folder / "model.gltf"
     path.write_text(json.dumps(content))
     return path
 
 
-def only(folder: Path, material: dict[str, Any], **more: Any) -> dict[str, Any]:
+def only(folder, material, **more):
     """Read a file's one material."""
     return read_materials(written(folder, document([material], **more)), "model.gltf")[0]
 
@@ -102,7 +93,7 @@ objects:
 """
 
 
-def packed(folder: Path, content: dict[str, Any], scene: str = SCENE) -> Any:
+def packed(folder, content, scene=SCENE):
     written(folder, content)
     return pack(build(scene, "scene.yaml", base=folder)).scene
 
@@ -110,7 +101,7 @@ def packed(folder: Path, content: dict[str, Any], scene: str = SCENE) -> Any:
 # ---- Values
 
 
-def test_defaults_are_the_specifications(tmp_path: Path) -> None:
+def test_defaults_are_the_specifications(tmp_path):
     assert only(tmp_path, {}) == {
         "type": "principled",
         "base_color": [1.0, 1.0, 1.0],
@@ -121,7 +112,7 @@ def test_defaults_are_the_specifications(tmp_path: Path) -> None:
     }
 
 
-def test_factors_and_extensions_land(tmp_path: Path) -> None:
+def test_factors_and_extensions_land(tmp_path):
     found = only(
         tmp_path,
         {
@@ -151,7 +142,7 @@ def test_factors_and_extensions_land(tmp_path: Path) -> None:
     }
 
 
-def test_textures_keep_channels_factors_and_wrapping(tmp_path: Path) -> None:
+def test_textures_keep_channels_factors_and_wrapping(tmp_path):
     found = only(
         tmp_path,
         {
@@ -172,7 +163,7 @@ def test_textures_keep_channels_factors_and_wrapping(tmp_path: Path) -> None:
     assert (found["normal_map"], found["normal_scale"]) == ({**image, "file": "model.gltf#0"}, 0.5)
 
 
-def test_alpha_is_a_cutout(tmp_path: Path) -> None:
+def test_alpha_is_a_cutout(tmp_path):
     base = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 0.5]}}
     assert only(tmp_path, base, images=(HOLES,))["type"] == "principled"
     blend = only(tmp_path, {**base, "alphaMode": "BLEND"}, images=(HOLES,))
@@ -183,7 +174,7 @@ def test_alpha_is_a_cutout(tmp_path: Path) -> None:
     assert only(tmp_path, {**base, "alphaMode": "BLEND"}, images=(COLORS,))["opacity"] == 0.5
 
 
-def test_texture_transform_is_turned_with_v(tmp_path: Path) -> None:
+def test_texture_transform_is_turned_with_v(tmp_path):
     # Where the specification looks up (u, v), with v down: offset + rotation (scale (u, v)).
     offset, scale, angle = np.array([0.1, 0.3]), np.array([2.0, 0.5]), 0.7
     found = only(
@@ -193,11 +184,7 @@ def test_texture_transform_is_turned_with_v(tmp_path: Path) -> None:
                 "baseColorTexture": {
                     "index": 0,
                     "extensions": {
-                        "KHR_texture_transform": {
-                            "offset": offset.tolist(),
-                            "scale": scale.tolist(),
-                            "rotation": angle,
-                        }
+                        "KHR_texture_transform": {"offset": offset.tolist(), "scale": scale.tolist(), "rotation": angle}
                     },
                 }
             }
@@ -218,13 +205,13 @@ def test_texture_transform_is_turned_with_v(tmp_path: Path) -> None:
 # ---- Meshes
 
 
-def test_v_runs_upwards_in_meshes(tmp_path: Path) -> None:
+def test_v_runs_upwards_in_meshes(tmp_path):
     mesh = read_mesh(written(tmp_path, document([{}])))
     assert mesh.uv is not None
     np.testing.assert_array_equal(mesh.uv, CORNERS[:, :2])
 
 
-def test_faces_know_their_materials(tmp_path: Path) -> None:
+def test_faces_know_their_materials(tmp_path):
     mesh = read_mesh(written(tmp_path, document([{}, {}], used=[1, None, 0])))
     assert mesh.kinds is not None
     # Behind the last comes glTF's default.
@@ -232,7 +219,7 @@ def test_faces_know_their_materials(tmp_path: Path) -> None:
     assert read_mesh(written(tmp_path, document(None))).kinds is None
 
 
-def test_faces_that_are_dropped_take_their_materials_along(tmp_path: Path) -> None:
+def test_faces_that_are_dropped_take_their_materials_along(tmp_path):
     content = document([{}, {}])
     flat = np.array([0, 0, 1, 0, 2, 3], np.uint16).tobytes()
     content["buffers"].append({"byteLength": 12, "uri": uri(flat)})
@@ -245,7 +232,7 @@ def test_faces_that_are_dropped_take_their_materials_along(tmp_path: Path) -> No
     assert sorted(mesh.kinds.tolist()) == [0, 1, 1]
 
 
-def test_binary_files_hold_their_images(tmp_path: Path) -> None:
+def test_binary_files_hold_their_images(tmp_path):
     content = document([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}])
     data = base64.b64decode(content["buffers"][0].pop("uri").partition(",")[2])
     start = len(data)
@@ -269,7 +256,7 @@ def test_binary_files_hold_their_images(tmp_path: Path) -> None:
 # ---- Scenes
 
 
-def test_a_mesh_brings_a_material_for_each_face(tmp_path: Path) -> None:
+def test_a_mesh_brings_a_material_for_each_face(tmp_path):
     colors = [[0.25, 0.5, 0.75, 1.0], [1.0, 0.0, 0.0, 1.0]]
     world = packed(tmp_path, document([{"pbrMetallicRoughness": {"baseColorFactor": color}} for color in colors]))
     (table,) = world.materials
@@ -280,18 +267,18 @@ def test_a_mesh_brings_a_material_for_each_face(tmp_path: Path) -> None:
     assert len(rows) == 4
 
 
-def test_only_materials_of_faces_are_packed(tmp_path: Path) -> None:
+def test_only_materials_of_faces_are_packed(tmp_path):
     world = packed(tmp_path, document([{"alphaMode": "BLEND"}, {}], used=[1]))
     assert (len(world.materials), world.selectors, world.textures) == (1, None, None)
 
 
-def test_a_material_in_the_scene_takes_their_place(tmp_path: Path) -> None:
+def test_a_material_in_the_scene_takes_their_place(tmp_path):
     scene = SCENE.replace("model.gltf", "model.gltf, material: {type: metal}")
     world = packed(tmp_path, document([{"alphaMode": "BLEND"}, {"pbrMetallicRoughness": []}]), scene)
     assert [type(table).__name__ for table in world.materials] == ["MetalTable"]
 
 
-def test_alpha_makes_light_pass(tmp_path: Path) -> None:
+def test_alpha_makes_light_pass(tmp_path):
     material = {"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
     world = packed(tmp_path, document([material], images=(HOLES,)))
     assert world.transparency is not None
@@ -300,7 +287,7 @@ def test_alpha_makes_light_pass(tmp_path: Path) -> None:
     assert table.threshold.tolist() == [0.5]
 
 
-def test_two_of_one_file_share_its_triangles(tmp_path: Path) -> None:
+def test_two_of_one_file_share_its_triangles(tmp_path):
     # One brings its materials, the other has the scene's: instances of groups of their own.
     scene = SCENE + "  - {type: mesh, file: model.gltf, material: {type: metal}}\n  - {type: mesh, file: model.gltf}\n"
     world = packed(tmp_path, document([{}, {"emissiveFactor": [1, 1, 1]}]), scene)
@@ -336,7 +323,7 @@ def test_two_of_one_file_share_its_triangles(tmp_path: Path) -> None:
         ({"images": [{"bufferView": 99}]}, "names item 99 of its bufferViews"),
     ],
 )
-def test_what_is_broken_is_told_in_a_sentence(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+def test_what_is_broken_is_told_in_a_sentence(tmp_path, change, words):
     material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
     content = document([material], images=(COLORS,))
     with pytest.raises(SceneError) as caught:
@@ -346,7 +333,7 @@ def test_what_is_broken_is_told_in_a_sentence(tmp_path: Path, change: dict[str, 
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_is_cut_off_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_cut_off_is_told(tmp_path):
     path = tmp_path / "model.glb"
     path.write_bytes(struct.pack("<III", 0x46546C67, 2, 100) + struct.pack("<II", 1000, 0x4E4F534A) + b"{}")
     for read in (read_mesh, lambda path: read_image_bytes(path, 0), lambda path: read_materials(path, "m")):

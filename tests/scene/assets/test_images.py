@@ -1,7 +1,6 @@
 """Images as textures read them: values as stored, in every format, and what is refused."""
 
 import io
-from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -16,7 +15,7 @@ from raytracer.util.errors import InputError
 BYTES = np.random.default_rng(1).integers(0, 256, (3, 5, 4), dtype=np.uint8)
 
 
-def encoded(texels: np.ndarray, suffix: str = "PNG", mode: str | None = None) -> bytes:
+def encoded(texels, suffix="PNG", mode=None):
     buffer = io.BytesIO()
     picture = PIL.Image.fromarray(texels)
     (picture.convert(mode) if mode else picture).save(buffer, suffix)
@@ -24,7 +23,7 @@ def encoded(texels: np.ndarray, suffix: str = "PNG", mode: str | None = None) ->
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
-def test_bytes_come_as_they_are_stored(channels: int) -> None:
+def test_bytes_come_as_they_are_stored(channels):
     texels = BYTES[..., 0] if channels == 1 else BYTES[..., :channels]
     image = decode_image(encoded(texels), ".png")
     assert image.integer
@@ -32,7 +31,7 @@ def test_bytes_come_as_they_are_stored(channels: int) -> None:
     np.testing.assert_array_equal(image.texels, texels.reshape(3, 5, channels))
 
 
-def test_a_palette_is_looked_up() -> None:
+def test_a_palette_is_looked_up():
     picture = PIL.Image.fromarray(np.array([[0, 1], [1, 0]], np.uint8))
     picture.putpalette([10, 20, 30, 200, 210, 220])
     buffer = io.BytesIO()
@@ -41,7 +40,7 @@ def test_a_palette_is_looked_up() -> None:
     np.testing.assert_array_equal(image.texels[0], [[10, 20, 30], [200, 210, 220]])
 
 
-def test_16_bits_keep_their_precision() -> None:
+def test_16_bits_keep_their_precision():
     values = np.array([[0, 1, 32768, 65535]], np.uint16)
     image = decode_image(encoded(values), ".png")
     assert image.integer
@@ -49,7 +48,7 @@ def test_16_bits_keep_their_precision() -> None:
 
 
 @pytest.mark.parametrize(("names", "channels"), [("RGB", 3), ("RGBA", 4), ("Y", 1), ("Z", 1)])
-def test_exr_channels_in_their_order(names: str, channels: int) -> None:
+def test_exr_channels_in_their_order(names, channels):
     values = np.random.default_rng(2).random((4, 6, channels)).astype(np.float32)
     buffer = io.BytesIO()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -59,7 +58,7 @@ def test_exr_channels_in_their_order(names: str, channels: int) -> None:
     np.testing.assert_array_equal(image.texels, values)
 
 
-def test_half_floats_are_read() -> None:
+def test_half_floats_are_read():
     buffer = io.BytesIO()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {"Y": np.array([[0.5, 2.0]], np.float16)}).write(buffer)
@@ -68,7 +67,7 @@ def test_half_floats_are_read() -> None:
     np.testing.assert_array_equal(image.texels[..., 0], [[0.5, 2.0]])
 
 
-def test_hdr_and_npy() -> None:
+def test_hdr_and_npy():
     values = np.random.default_rng(3).random((4, 9, 3))
     image = decode_image(hdr.encode(values, {}), ".hdr")
     np.testing.assert_allclose(image.texels, values, atol=values.max() / 256)
@@ -86,7 +85,7 @@ def test_hdr_and_npy() -> None:
         assert npy.texels[0, 1, 0] == (255 if dtype == np.uint8 else np.float32(255 / 65535))
 
 
-def test_colours_are_decoded_from_srgb_and_transparency_is_not() -> None:
+def test_colours_are_decoded_from_srgb_and_transparency_is_not():
     image = decode_image(encoded(BYTES), ".png")
     linear = image.linear(True)
     np.testing.assert_allclose(linear[..., :3], srgb.decode(BYTES[..., :3] / 255), atol=1e-7)
@@ -94,7 +93,7 @@ def test_colours_are_decoded_from_srgb_and_transparency_is_not() -> None:
     np.testing.assert_allclose(image.linear(False), BYTES / 255, atol=1e-7)
 
 
-def test_sizes_are_judged_before_pixels_are_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sizes_are_judged_before_pixels_are_decoded(monkeypatch):
     monkeypatch.setattr("raytracer.film.formats.base.image_format.MAX_PIXELS", 14)
     with pytest.raises(ValueError, match="is 5 x 3 pixels, and at most 14 are read"):
         decode_image(encoded(BYTES), ".png")
@@ -102,7 +101,7 @@ def test_sizes_are_judged_before_pixels_are_decoded(monkeypatch: pytest.MonkeyPa
     assert PIL.Image.MAX_IMAGE_PIXELS is not None
 
 
-def test_a_file_says_its_name_in_errors(tmp_path: Path) -> None:
+def test_a_file_says_its_name_in_errors(tmp_path):
     path = tmp_path / "broken.png"
     with pytest.raises(InputError, match=r"broken\.png: no such file"):
         read_image(path)

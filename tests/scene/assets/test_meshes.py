@@ -287,7 +287,7 @@ def test_stl_corners_that_are_equal_are_one_vertex_and_so_are_the_two_zeros(writ
 def test_polygons_of_all_sizes_keep_their_area(written):
     # Regular polygons: n - 2 triangles, of n/2 sin(2 pi/n) in all, all facing the same way.
     sizes = np.random.default_rng(1).integers(3, 9, 500)
-    vertices: list[tuple[float, ...]] = []
+    vertices = []
     polygons = []
     for i, n in enumerate(sizes):
         angles = 2 * np.pi * np.arange(n) / n

@@ -5,7 +5,6 @@ import json
 import struct
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from raytracer.core.compiler.dispatch import entry
 from raytracer.core.geometry import Hit
 from raytracer.core.motion.trajectory import (
     MAX_STEPS,
-    Rows,
     compose,
     conjugate_trajectory,
     decompose,
@@ -39,7 +37,7 @@ from raytracer.scene.load import load
 from raytracer.scene.object_bounds import ObjectBounds
 from raytracer.scene.pack.layout import lay_out
 from raytracer.scene.pack.origin_shift import shift_origin
-from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.pack.scene import pack
 from raytracer.scene.scene_assets import SceneAssets
 from raytracer.schema.registry import LIGHTS, MEDIA
 from raytracer.schema.transform import Rotate, Step
@@ -68,22 +66,22 @@ FAR = (1_000_000.0, -1_000_000.0, 1_000_000.0)
 Array = NDArray[np.float64]
 
 
-def packed_scene(text: str, base: Path | None = None) -> PackedScene:
+def packed_scene(text, base=None):
     return pack(scene(text, filled=False, base=base))
 
 
-def at(x: float, y: float, z: float, place: tuple[float, float, float] = FAR) -> str:
+def at(x, y, z, place=FAR):
     """The text of a point, moved."""
     return str([x + place[0], y + place[1], z + place[2]])
 
 
-def view(place: tuple[float, float, float] = FAR, more: str = "") -> str:
+def view(place=FAR, more=""):
     return (
         f"camera: {{type: pinhole, look_from: {at(0, 1, 4, place)}, look_at: {at(0, 0, 0, place)}{more}}}\nobjects:\n"
     )
 
 
-def ball(place: tuple[float, float, float] = FAR, more: str = "") -> str:
+def ball(place=FAR, more=""):
     return f"  - {{type: sphere, center: {at(0, 0, 0, place)}, radius: 1{more}}}\n"
 
 
@@ -91,7 +89,7 @@ def ball(place: tuple[float, float, float] = FAR, more: str = "") -> str:
 
 
 @pytest.mark.parametrize("path", SHIPPED)
-def test_no_shipped_scene_is_moved(path: Path) -> None:
+def test_no_shipped_scene_is_moved(path):
     spec = load(path)
     assets = SceneAssets(spec)
     layout = lay_out(spec, assets)
@@ -101,21 +99,21 @@ def test_no_shipped_scene_is_moved(path: Path) -> None:
 
 
 @pytest.mark.parametrize("away", [0.0, 1.0, 10.0, 30.0])
-def test_what_is_near_keeps_its_place_and_its_bits(away: float) -> None:
+def test_what_is_near_keeps_its_place_and_its_bits(away):
     found = packed_scene(view((away, 0, 0)) + ball((away, 0, 0)))
     assert found.scene.origin is None
     assert found.shift == (0.0, 0.0, 0.0)
     assert found.scene.primitives[0].center[0].tolist() == [away, 0.0, 0.0]
 
 
-def test_what_is_small_and_goes_a_long_way_keeps_its_place() -> None:
+def test_what_is_small_and_goes_a_long_way_keeps_its_place():
     # The box of its way is a hundred times as large as it is; the coordinates in its group are no larger for that.
     text = view((0, 0, 0), ", shutter: {open: 0, close: 1}") + ball((0, 0, 0))
     moon = "  - {type: box, min: [5, 0, 0], max: [5.1, 0.1, 0.1], motion: {spin: {axis: [0, 1, 0], rate: 360}}}\n"
     assert packed_scene(text + moon).scene.origin is None
 
 
-def test_what_is_enlarged_where_it_is_placed_counts_as_large_as_it_is_there() -> None:
+def test_what_is_enlarged_where_it_is_placed_counts_as_large_as_it_is_there():
     # A grain 5 m off its own origin, made a thousand times as large: the coordinates would reach 5 km.
     text = view((0, 0, 0)) + ball((0, 0, 0))
     grain = "groups: {grain: [{type: box, min: [5, 0, 0], max: [5.001, 0.001, 0.001]}]}\n"
@@ -126,7 +124,7 @@ def test_what_is_enlarged_where_it_is_placed_counts_as_large_as_it_is_there() ->
 
 
 @pytest.mark.parametrize("away", [200.0, 1e4, 1e6, 1e9, 1e12])
-def test_what_is_far_is_moved_to_where_it_is_seen(away: float) -> None:
+def test_what_is_far_is_moved_to_where_it_is_seen(away):
     found = packed_scene(view((away, away, 0)) + ball((away, away, 0)))
     (center,) = found.scene.primitives[0].center
     assert np.abs(center).max() <= 4.0
@@ -134,7 +132,7 @@ def test_what_is_far_is_moved_to_where_it_is_seen(away: float) -> None:
     np.testing.assert_allclose(np.subtract(found.scene.camera.frame.origin, center), [0.0, 1.0, 4.0], atol=2e-16 * away)
 
 
-def test_a_large_ground_and_a_far_lamp_do_not_decide() -> None:
+def test_a_large_ground_and_a_far_lamp_do_not_decide():
     text = view() + ball() + f"  - {{type: sphere, center: {at(0, -1001, 0)}, radius: 1000}}\n"
     lamp = "  - {type: sphere, center: [0, 0, 0], radius: 100, material: {type: emitter, radiance: 1}}\n"
     pebbles = "".join(f"  - {{type: sphere, center: {at(0.1 * n, -0.99, 2)}, radius: 0.01}}\n" for n in range(-5, 5))
@@ -142,19 +140,19 @@ def test_a_large_ground_and_a_far_lamp_do_not_decide() -> None:
     np.testing.assert_allclose(found.scene.origin.world, FAR, atol=8.0)
 
 
-def test_a_camera_far_from_all_it_sees_leaves_the_scene_where_it_is() -> None:
+def test_a_camera_far_from_all_it_sees_leaves_the_scene_where_it_is():
     # A telephoto view: float32 has to hold the way there in any case.
     text = f"camera: {{type: pinhole, look_from: {list(FAR)}, look_at: [0, 0, 0], vfov: 1e-4}}\nobjects:\n"
     assert packed_scene(text + ball((0, 0, 0))).scene.origin is None
 
 
-def test_what_the_camera_sees_decides_between_places() -> None:
+def test_what_the_camera_sees_decides_between_places():
     others = "".join(f"  - {{type: sphere, center: [{3 * n}, 0, 0], radius: 1}}\n" for n in range(20))
     found = packed_scene(view() + ball() + others)
     np.testing.assert_allclose(found.scene.origin.world, FAR, atol=8.0)
 
 
-def test_explain_says_where() -> None:
+def test_explain_says_where():
     text = view(more=", focus_on: ball, aperture: 20").replace("pinhole", "thin_lens") + ball(more=", name: ball")
     found = explain(scene(text, filled=False))
     assert found.effects["recentring"].active
@@ -167,9 +165,9 @@ def test_explain_says_where() -> None:
     assert found.camera == pytest.approx(same.camera, rel=1e-9)
 
 
-def test_focusing_finds_what_is_seen_far_away() -> None:
+def test_focusing_finds_what_is_seen_far_away():
     text = view(more=", focus_at: [0.5, 0.5], aperture: 20").replace("pinhole", "thin_lens")
-    distance: Any = packed_scene(text + ball()).spec.camera
+    distance = packed_scene(text + ball()).spec.camera
     assert distance.focus_distance == pytest.approx(np.sqrt(17.0) - 1.0, rel=1e-6)
 
 
@@ -177,7 +175,7 @@ def test_focusing_finds_what_is_seen_far_away() -> None:
 
 
 @pytest.mark.parametrize("keys", CAMERAS)
-def test_every_camera_moves_with_the_world(keys: dict[str, Any]) -> None:
+def test_every_camera_moves_with_the_world(keys):
     rng = np.random.default_rng(2)
     x, y = rng.uniform(0, 40, 200), rng.uniform(0, 30, 200)
     own = camera(**keys).pack(40, 30)
@@ -202,7 +200,7 @@ def test_every_camera_moves_with_the_world(keys: dict[str, Any]) -> None:
         },
     ],
 )
-def test_moving_cameras_move_with_the_world(motion: dict[str, Any]) -> None:
+def test_moving_cameras_move_with_the_world(motion):
     own = pack_camera(
         camera(look_from=[0, 1, 4], look_at=[0, 1, 0], shutter={"open": 0, "close": 1}, motion=motion), 4, 3
     )
@@ -218,7 +216,7 @@ def test_moving_cameras_move_with_the_world(motion: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("kind", LIGHTS.specs())
 @pytest.mark.parametrize("number", [0, -1])
-def test_every_light_moves_with_the_world(kind: str, number: int) -> None:
+def test_every_light_moves_with_the_world(kind, number):
     table = table_of(kind, LIGHT_EXAMPLES[kind][number])
     here = aim(Lights((table,), None), None, (0.25, 0.5, -0.125), 100)
     there = (0.25 + BY[0], 0.5 + BY[1], -0.125 + BY[2])
@@ -237,12 +235,12 @@ MEDIUM_EXAMPLES = {
 }
 
 
-def test_every_medium_has_an_example() -> None:
+def test_every_medium_has_an_example():
     assert set(MEDIUM_EXAMPLES) == set(MEDIA.specs())
 
 
 @pytest.mark.parametrize("kind", MEDIUM_EXAMPLES)
-def test_every_medium_moves_with_the_world(kind: str) -> None:
+def test_every_medium_moves_with_the_world(kind):
     spec, assets = MEDIUM_EXAMPLES[kind]
     own = packed(spec, assets=[assets])
     other = moved_media(own, BY)
@@ -259,7 +257,7 @@ def test_every_medium_moves_with_the_world(kind: str) -> None:
     np.testing.assert_allclose(through[1], through[0], rtol=1e-6)
 
 
-def test_objects_are_where_their_files_say(tmp_path: Path) -> None:
+def test_objects_are_where_their_files_say(tmp_path):
     _write_obj(tmp_path / "map.obj", _CORNERS + MAP)
     text = view(MAP) + "  - {type: mesh, file: map.obj, name: town, transform: [{scale: 2}]}\n"
     spec = scene(text, filled=False, base=tmp_path)
@@ -270,7 +268,7 @@ def test_objects_are_where_their_files_say(tmp_path: Path) -> None:
 # ---- As it was written
 
 
-def test_positions_are_those_of_the_world_as_it_was_written() -> None:
+def test_positions_are_those_of_the_world_as_it_was_written():
     found = packed_scene(view() + ball())
     hit = Hit(
         tuple(found.scene.primitives[0].center[0].tolist()),
@@ -281,7 +279,7 @@ def test_positions_are_those_of_the_world_as_it_was_written() -> None:
         0,
         *[(0.0, 0.0, 0.0)] * 3,
     )
-    seen: Any = SimpleNamespace(hit=hit)
+    seen = SimpleNamespace(hit=hit)
     assert measure(PositionQuantity(), found.scene, seen) == FAR
 
 
@@ -295,13 +293,13 @@ def _written(origin, instances, instance, points, out):
             out[number, axis] = point[axis]
 
 
-def written(found: PackedScene, instance: int, points: Array) -> Array:
+def written(found, instance, points):
     out = np.empty(points.shape)
     _written(found.scene.origin, found.scene.instances, instance, np.ascontiguousarray(points), out)
     return out
 
 
-def test_solid_textures_are_looked_up_in_the_world_as_it_was_written() -> None:
+def test_solid_textures_are_looked_up_in_the_world_as_it_was_written():
     found = packed_scene(view() + ball())
     points = np.random.default_rng(3).normal(size=(100, 3))
     local = points + FAR - found.scene.origin.world
@@ -315,12 +313,12 @@ _CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.125, 0.0], [0.0, 1.0, 0.25], [0.5,
 _FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
 
 
-def _write_obj(path: Path, vertices: Array) -> None:
+def _write_obj(path, vertices):
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()] + [f"f {a} {b} {c}" for a, b, c in (_FACES + 1)]
     path.write_text("\n".join(lines))
 
 
-def _write_ply(path: Path, vertices: Array) -> None:
+def _write_ply(path, vertices):
     head = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty double x\nproperty double y\n"
         f"property double z\nelement face {len(_FACES)}\nproperty list uchar int vertex_indices\nend_header\n"
@@ -329,7 +327,7 @@ def _write_ply(path: Path, vertices: Array) -> None:
     path.write_bytes(head.encode() + vertices.astype("<f8").tobytes() + faces)
 
 
-def _write_ascii_ply(path: Path, vertices: Array) -> None:
+def _write_ascii_ply(path, vertices):
     rows = [" ".join(map(repr, vertex)) for vertex in vertices.tolist()]
     faces = [f"3 {a} {b} {c}" for a, b, c in _FACES]
     head = (
@@ -339,7 +337,7 @@ def _write_ascii_ply(path: Path, vertices: Array) -> None:
     path.write_text("\n".join([head, "end_header", *rows, *faces, ""]))
 
 
-def _write_ascii_stl(path: Path, vertices: Array) -> None:
+def _write_ascii_stl(path, vertices):
     lines = ["solid"]
     for face in _FACES:
         corners = [f"vertex {x!r} {y!r} {z!r}" for x, y, z in vertices[face].tolist()]
@@ -347,7 +345,7 @@ def _write_ascii_stl(path: Path, vertices: Array) -> None:
     path.write_text("\n".join([*lines, "endsolid", ""]))
 
 
-def _write_gltf(path: Path, vertices: Array) -> None:
+def _write_gltf(path, vertices):
     """What the format keeps in float32 near the origin, a node puts where it belongs."""
     away = vertices[0]
     data = (vertices - away).astype("<f4").tobytes() + _FACES.astype("<u4").tobytes()
@@ -390,7 +388,7 @@ FORMS = {
 }
 
 
-def corners_in_the_world(found: PackedScene, time: float) -> Array:
+def corners_in_the_world(found, time):
     """Return the first object's vertices as the scene was written, by what Embree has and where that is placed."""
     table, instances = found.scene.primitives[0], found.scene.instances
     vertices = np.asarray(table.vertices, np.float64)
@@ -409,7 +407,7 @@ MESHES = [(name, form) for name in WRITERS for form in FORMS if form != "deformi
 
 
 @pytest.mark.parametrize(("name", "form"), MESHES)
-def test_meshes_in_the_coordinates_of_a_map_keep_their_form(tmp_path: Path, name: str, form: str) -> None:
+def test_meshes_in_the_coordinates_of_a_map_keep_their_form(tmp_path, name, form):
     vertices = _CORNERS + MAP
     WRITERS[name](tmp_path / name, vertices)
     _write_obj(tmp_path / "other.obj", vertices + np.array([0.0, 0.0, 1.0]))
@@ -431,7 +429,7 @@ def test_meshes_in_the_coordinates_of_a_map_keep_their_form(tmp_path: Path, name
         assert np.abs(np.float32(expected) - expected).max() > 0.1
 
 
-def test_what_lies_far_in_its_group_is_moved_in_the_group(tmp_path: Path) -> None:
+def test_what_lies_far_in_its_group_is_moved_in_the_group(tmp_path):
     _write_obj(tmp_path / "map.obj", _CORNERS + MAP)
     back = str([-x for x in MAP])
     text = (
@@ -451,7 +449,7 @@ def test_what_lies_far_in_its_group_is_moved_in_the_group(tmp_path: Path) -> Non
     np.testing.assert_allclose(written(found, 0, local), _CORNERS + MAP, rtol=0.0, atol=2.0**-23)
 
 
-def test_what_is_placed_far_away_is_met_where_it_is(tmp_path: Path) -> None:
+def test_what_is_placed_far_away_is_met_where_it_is(tmp_path):
     egg = ", transform: [{scale: [1, 2, 1]}, {translate: PLACE}]"
     text = view() + ball((0, 0, 0), egg.replace("PLACE", str(list(FAR))))
     found = packed_scene(text)
@@ -463,7 +461,7 @@ def test_what_is_placed_far_away_is_met_where_it_is(tmp_path: Path) -> None:
 # ---- Trajectories
 
 
-def _arc(center: Any, degrees: float, steps: int = 2) -> Rows:
+def _arc(center, degrees, steps=2):
     """What turns about a point, in a plane."""
     rows = []
     for fraction in np.linspace(0.0, 1.0, steps):
@@ -473,7 +471,7 @@ def _arc(center: Any, degrees: float, steps: int = 2) -> Rows:
     return np.array(rows)
 
 
-def test_displacements_before_and_after_a_trajectory() -> None:
+def test_displacements_before_and_after_a_trajectory():
     rows, before, after = _arc((1.0, 2.0, 3.0), 80.0), (0.5, -1.0, 2.0), (3.0, 0.0, -7.0)
     rows[:, :6] = [2.0, 3.0, 0.5, 0.25, -0.5, 1.0]
     for fraction in (0.0, 0.3, 1.0):
@@ -487,7 +485,7 @@ def test_displacements_before_and_after_a_trajectory() -> None:
         np.testing.assert_allclose(opposite, last @ compose(row_at(rows, fraction)) @ first, rtol=0.0, atol=1e-13)
 
 
-def test_a_pivot_far_away_is_replaced_by_straight_parts() -> None:
+def test_a_pivot_far_away_is_replaced_by_straight_parts():
     # An eighth of a degree about a point 10 km away: 22 m of way, and 4 cm by which a float32 angle is wrong.
     rows = _arc((1e4, 0.0, 0.0), 0.125)
     found = recentre_rotation(rows, 2.0**-18)
@@ -500,12 +498,12 @@ def test_a_pivot_far_away_is_replaced_by_straight_parts() -> None:
         assert np.abs(there - expected).max() <= 1e4 * angle**2 / 8.0 + 1e-11
 
 
-def test_a_pivot_far_away_stays_where_straight_parts_were_worse() -> None:
+def test_a_pivot_far_away_stays_where_straight_parts_were_worse():
     rows = _arc((1e4, 0.0, 0.0), 90.0, 7)
     assert recentre_rotation(rows, 2.0**-18) is rows
 
 
-def test_what_moves_without_turning_needs_no_more_steps() -> None:
+def test_what_moves_without_turning_needs_no_more_steps():
     rows = _arc((1e6, 0.0, 0.0), 0.0, 3)
     rows[:, 13] += [0.0, 1.0, 3.0]
     found = recentre_rotation(rows, 2.0**-18)

@@ -3,7 +3,6 @@
 import gc
 import weakref
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,12 +12,11 @@ from raytracer.cli.base.app import main
 from raytracer.core.primitives.base import interface as primitives
 from raytracer.rendering.render import render
 from raytracer.scene.load import build, load
-from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.pack.scene import pack
 from raytracer.scene.warnings import find_warnings, warning_messages
 from raytracer.scene.warnings.base.kind import MAX_PER_KIND
 from raytracer.scene.warnings.base.primitive_points import coordinate_extents, outline
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.schema.warning_kind import WarningRecord
 from raytracer.util.errors import InputError, StrictError
 
 ROOT = Path(__file__).parents[3]
@@ -51,17 +49,17 @@ PANE = "type: box, name: pane, min: [-50, 1, -50], max: [50, 1.0001, 50], materi
 TURNED = "transform: [{rotate: {axis: [1, 2, 3], angle: 33}}]"
 
 
-def found(*objects: str, eye: str = "[0, 1.5, 6]", more: str = "", base: Path | None = None) -> list[WarningRecord]:
+def found(*objects, eye="[0, 1.5, 6]", more="", base=None):
     """Return the warnings of a scene of these objects."""
     text = HEAD.replace("EYE", eye) + more + "objects:\n" + "".join(f"  - {{{item}}}\n" for item in objects)
     return find_warnings(pack(build(text, "s.yaml", base=base)))
 
 
-def dark(text: str) -> str:
+def dark(text):
     return text.replace("environment: {type: constant, radiance: 1}\n", "")
 
 
-CLEAN: dict[str, tuple[str, ...]] = {
+CLEAN = {
     "a floor and a ball": (FLOOR, BALL),
     "the ground of One Weekend": (
         "type: sphere, center: [0, -1000, 0], radius: 1000",
@@ -118,11 +116,11 @@ CLEAN: dict[str, tuple[str, ...]] = {
 
 
 @pytest.mark.parametrize("objects", CLEAN.values(), ids=CLEAN)
-def test_what_is_right_is_no_concern(objects: tuple[str, ...]) -> None:
+def test_what_is_right_is_no_concern(objects):
     assert found(*objects) == []
 
 
-WARNED: dict[str, tuple[tuple[str, ...], str, str]] = {
+WARNED = {
     "a pea a kilometre away": (
         (FLOOR, BALL, "type: sphere, name: pea, center: [0, 1, -1000], radius: 0.001"),
         's.yaml:15: objects[2] "pea": ',
@@ -283,7 +281,7 @@ WARNED: dict[str, tuple[tuple[str, ...], str, str]] = {
 
 
 @pytest.mark.parametrize(("objects", "place", "words"), WARNED.values(), ids=WARNED)
-def test_a_concern_names_its_object(objects: tuple[str, ...], place: str, words: str) -> None:
+def test_a_concern_names_its_object(objects, place, words):
     (concern,) = found(*objects)
     assert concern.text.startswith(place)
     assert words in concern.text
@@ -297,13 +295,13 @@ def test_a_concern_names_its_object(objects: tuple[str, ...], place: str, words:
         ("[0, 3.0000000001, 0]", 'lies on the surface of objects[1] "ball"'),
     ],
 )
-def test_a_camera_that_sees_nothing(eye: str, words: str) -> None:
+def test_a_camera_that_sees_nothing(eye, words):
     (concern,) = found(FLOOR, BALL, eye=eye)
     assert concern.text.startswith("s.yaml:1: camera.look_from: ")
     assert words in concern.text
 
 
-def test_a_camera_in_a_box_sees_what_is_lit_in_there() -> None:
+def test_a_camera_in_a_box_sees_what_is_lit_in_there():
     room = "type: box, name: room, min: [-3, -1, -3], max: [3, 4, 3]"
     (concern,) = found(room, eye="[0, 1, 2]")
     assert 'is inside objects[0] "room"' in concern.text
@@ -315,7 +313,7 @@ def test_a_camera_in_a_box_sees_what_is_lit_in_there() -> None:
     assert found(room.replace("room,", "room, material: glass,"), eye="[0, 1, 2]") == []
 
 
-def test_a_scene_without_light_is_black() -> None:
+def test_a_scene_without_light_is_black():
     text = dark(HEAD.replace("EYE", "[0, 1, 6]")) + f"objects: [{{{FLOOR}}}]\n"
     (concern,) = find_warnings(pack(build(text, "s.yaml")))
     assert concern.text.startswith("s.yaml:11: objects: nothing gives light")
@@ -326,7 +324,7 @@ def test_a_scene_without_light_is_black() -> None:
     assert find_warnings(pack(build(point.replace("intensity: 0", "intensity: [0, 0, 1]") + text, "s.yaml"))) == []
 
 
-def test_a_shift_that_is_a_million_metres_changes_no_concern() -> None:
+def test_a_shift_that_is_a_million_metres_changes_no_concern():
     # Coordinates are judged as they are packed, near the origin.
     far = "transform: [{translate: [1e6, -1e6, 1e6]}]"
     eye, at = "[1e6, -999999, 1000006]", "[1000000.1, -999999.5, 1e6]"
@@ -336,7 +334,7 @@ def test_a_shift_that_is_a_million_metres_changes_no_concern() -> None:
         assert len(find_warnings(pack(build(f"{text}objects:\n{moved}", "s.yaml")))) == kinds
 
 
-def test_what_instances_place_is_held_against_the_rest() -> None:
+def test_what_instances_place_is_held_against_the_rest():
     picture = POSTER.replace("-2]", "0]").replace("poster", "picture")
     group = f"groups:\n  pictures:\n    - {{{picture}}}\n"
     placed = "type: instance, name: hung, of: pictures, transform: [{translate: [2, 0, DEPTH]}]"
@@ -357,12 +355,12 @@ BOX = "type: box, name: box, min: [-0.5, 0, -0.5], max: [0.5, 1, 0.5]"
 LOW = "[0, 0.05, 0.15]"
 
 
-def kinds(*objects: str, eye: str) -> set[str]:
+def kinds(*objects, eye):
     return {concern.kind for concern in found(*objects, eye=eye)}
 
 
 @pytest.mark.parametrize("ground", [GROUND, SLAB])
-def test_a_huge_ground_that_is_cut_is_no_concern(ground: str) -> None:
+def test_a_huge_ground_that_is_cut_is_no_concern(ground):
     assert found(ground, *PEBBLES, eye=LOW) == []
     assert found(ground, BOX, eye="[0, 1.6, 5]") == []
     # The offset there is 4 * 2^-23 of the reach of a part, which is 2^-20 of the ground's at least.
@@ -381,7 +379,7 @@ def test_a_huge_ground_that_is_cut_is_no_concern(ground: str) -> None:
     ],
     ids=["tilted", "textured"],
 )
-def test_a_huge_ground_that_is_not_cut_is_one(why: str) -> None:
+def test_a_huge_ground_that_is_not_cut_is_one(why):
     assert kinds(f"{GROUND}, {why}", *PEBBLES, eye=LOW) == {
         "objects that drown in what they lie on",
         "cameras without a view",
@@ -390,7 +388,7 @@ def test_a_huge_ground_that_is_not_cut_is_one(why: str) -> None:
     assert kinds(f"{GROUND}, {why}", high, eye="[0, 40, 5]") == {"sizes that are too far apart"}
 
 
-def test_glass_in_water_that_groups_and_meshes_hold(tmp_path: Path) -> None:
+def test_glass_in_water_that_groups_and_meshes_hold(tmp_path):
     corners = [[x, y, z] for x in (-1, 1) for y in (0, 1) for z in (-1, 1)]
     sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     triangles = [[side[0], side[k], side[k + 1]] for side in sides for k in (1, 2)]
@@ -418,12 +416,12 @@ def test_glass_in_water_that_groups_and_meshes_hold(tmp_path: Path) -> None:
     assert found(placed, BEAD, more=group, base=tmp_path) == []
 
 
-def obj(path: Path, vertices: Any, faces: Any) -> None:
+def obj(path, vertices, faces):
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, float).tolist()]
     path.write_text("\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in (np.asarray(faces) + 1).tolist())]) + "\n")
 
 
-def test_triangles_without_an_area_are_counted(tmp_path: Path) -> None:
+def test_triangles_without_an_area_are_counted(tmp_path):
     vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [3, 1, 0]]
     obj(tmp_path / "rock.obj", vertices, [[0, 1, 2], [0, 1, 3], [1, 4, 2], [4, 4, 4]])
     (concern,) = found("type: mesh, file: rock.obj", base=tmp_path)
@@ -435,13 +433,13 @@ def test_triangles_without_an_area_are_counted(tmp_path: Path) -> None:
     assert "5 of its 10 faces have no area once its coordinates are rounded to float32" in concern.text
 
 
-def test_pixels_too_small_for_float32() -> None:
+def test_pixels_too_small_for_float32():
     for vfov, kinds in (("0.001", []), ("0.0001", ["pixels too small for float32"])):
         text = HEAD.replace("EYE", "[0, 1.5, 6]").replace("vfov: 40", f"vfov: {vfov}") + f"objects: [{{{FLOOR}}}]\n"
         assert [item.kind for item in find_warnings(pack(build(text, "s.yaml")))] == kinds
 
 
-def test_slivers_with_neighbours_are_no_concern(tmp_path: Path) -> None:
+def test_slivers_with_neighbours_are_no_concern(tmp_path):
     # A wire of 1000 sides, each 1.9e-6 m wide: float32 displaces an edge for both of its faces alike.
     count = 1000
     angle = 2.0 * np.pi * np.arange(count) / count
@@ -460,14 +458,14 @@ def test_slivers_with_neighbours_are_no_concern(tmp_path: Path) -> None:
     assert "faces are as narrow as 1.8e-06 m" in concern.text
 
 
-def test_of_many_alike_ten_are_told() -> None:
+def test_of_many_alike_ten_are_told():
     posters = [POSTER.replace("name: poster, corner: [0", f"corner: [{x}") for x in np.arange(-4.8, 4.2, 0.5)]
     sentences = warning_messages(found(WALL, *(item.replace("[[1, 0, 0]", "[[0.4, 0, 0]") for item in posters)))
     assert len(sentences) == MAX_PER_KIND + 1
     assert sentences[-1] == f"and {len(posters) - MAX_PER_KIND} more surfaces that coincide"
 
 
-def test_the_order_of_objects_does_not_matter() -> None:
+def test_the_order_of_objects_does_not_matter():
     (concern,) = found(POSTER, WALL)
     assert concern.text.startswith(
         's.yaml:14: objects[1] "wall": a surface of it coincides with one of objects[0] "poster"'
@@ -484,20 +482,20 @@ LIGHT = ("bokeh", "cornell", "cover", "fan", "glass", "nested", "smoke", "textur
     "path",
     [pytest.param(path, id=path.stem, marks=[] if path.stem in LIGHT else [pytest.mark.slow]) for path in SHIPPED],
 )
-def test_shipped_scenes_are_no_concern(path: Path) -> None:
+def test_shipped_scenes_are_no_concern(path):
     assert [item.text for item in find_warnings(pack(load(path)))] == []
 
 
 # ---- How it is told
 
 
-def written(tmp_path: Path, *objects: str) -> Path:
+def written(tmp_path, *objects):
     path = tmp_path / "scene.yaml"
     path.write_text(HEAD.replace("EYE", "[0, 1, 6]") + "objects:\n" + "".join(f"  - {{{item}}}\n" for item in objects))
     return path
 
 
-def test_validate_warns_and_strict_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_validate_warns_and_strict_refuses(tmp_path, capsys):
     bad = written(tmp_path, WALL, POSTER)
     assert main(["validate", str(bad)]) == 0
     captured = capsys.readouterr()
@@ -510,7 +508,7 @@ def test_validate_warns_and_strict_refuses(tmp_path: Path, capsys: pytest.Captur
     assert captured.err.count("\n") == 1
 
 
-def test_strict_ends_a_render_before_it_begins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_strict_ends_a_render_before_it_begins(tmp_path, capsys):
     bad, out = (
         written(tmp_path, WALL, POSTER, BALL, BALL.replace("ball", "twin").replace("grey", "red")),
         tmp_path / "a.npy",
@@ -523,13 +521,13 @@ def test_strict_ends_a_render_before_it_begins(tmp_path: Path, capsys: pytest.Ca
         render(load(bad), strict=True)
 
 
-def test_explain_and_python_warn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_explain_and_python_warn(tmp_path, monkeypatch):
     bad = written(tmp_path, WALL, POSTER)
     (sentence,) = rt.explain(rt.load(bad)).warnings
     assert 'objects[1] "poster"' in sentence
 
     # The warning is at the line that asked for the picture.
-    def stop(*_: object) -> None:
+    def stop(*_):
         raise InputError("far enough")
 
     monkeypatch.setattr("raytracer.rendering.render.check_development", stop)
@@ -541,7 +539,7 @@ def test_explain_and_python_warn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 # ---- Tables
 
 
-def test_every_kind_of_primitive_has_an_outline() -> None:
+def test_every_kind_of_primitive_has_an_outline():
     assert set(primitives.geometry.registry) == set(outline.registry)
 
 
@@ -556,7 +554,7 @@ SHAPES = [
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_outlines_span_what_tables_hold(shape: str, tmp_path: Path) -> None:
+def test_outlines_span_what_tables_hold(shape, tmp_path):
     obj(tmp_path / "rock.obj", [[1, 2, 3], [2, 2, 3], [1, 4, 2], [5, 5, 5]], [[0, 1, 2]])
     text = HEAD.replace("EYE", "[0, 1, 6]") + f"objects: [{{{shape}}}]\n"
     (table,) = pack(build(text, "s.yaml", base=tmp_path)).scene.primitives
@@ -570,11 +568,11 @@ def test_outlines_span_what_tables_hold(shape: str, tmp_path: Path) -> None:
     assert (reach >= np.abs(points).max(axis=(1, 2)) - short).all()
 
 
-def test_a_scene_is_not_kept_by_what_was_derived_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    surveys: list[weakref.ref[SceneSurvey]] = []
+def test_a_scene_is_not_kept_by_what_was_derived_of_it(monkeypatch):
+    surveys = []
 
     class Watched(SceneSurvey):
-        def __init__(self, packed: PackedScene) -> None:
+        def __init__(self, packed):
             super().__init__(packed)
             surveys.append(weakref.ref(self))
 
