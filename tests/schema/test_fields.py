@@ -1,21 +1,18 @@
 """The fields that kinds are built of: ranges, triples, and transforms against their textbook matrices."""
 
 import math
-from typing import Annotated
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from raytracer.plugins.shapes.base.interface import ObjectSpec
 from raytracer.schema.fields import (
     Albedo,
     Direction,
-    Fraction,
     Length,
-    NonNegativeLength,
     Point,
     PositiveLength,
     PositiveLengthOrInf,
@@ -48,11 +45,8 @@ def transform(*steps):
     ("field", "value", "words"),
     [
         (PositiveLength, 0, "must be greater than 0, got 0"),
-        (PositiveLength, -0.0, "must be greater than 0, got -0"),
         (PositiveLength, "-2 cm", "must be greater than 0, got '-2 cm'"),
         (PositiveLength, math.inf, "must be finite, got inf"),
-        (NonNegativeLength, -1, "must be at least 0, got -1"),
-        (Fraction, 1.5, "must be at most 1, got 1.5"),
         (Length, True, "got true"),
         (Length, "1e999", "must be finite"),
     ],
@@ -89,12 +83,8 @@ def test_zeros_that_rounding_left_are_taken_next_to_larger_numbers():
     assert "flattens" in complaint(Transform, [[residue, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])[1]
 
 
-def test_infinity_is_taken_where_a_field_says_so():
-    assert checked(PositiveLengthOrInf, "inf") == math.inf
-    assert checked(PositiveLengthOrInf, math.inf) == math.inf
-
-
 def test_triples():
+    assert checked(PositiveLengthOrInf, "inf") == math.inf
     assert checked(Point, [1, "20 mm", 3.0]) == (1.0, 0.02, 3.0)
     assert checked(Radiance, 2) == (2.0, 2.0, 2.0)
     assert checked(Albedo, [0, 0.5, 1]) == (0.0, 0.5, 1.0)
@@ -104,7 +94,6 @@ def test_triples():
     ("field", "value", "place", "words"),
     [
         (Point, [1, 2], (), "three numbers, got a list of 2"),
-        (Point, 1, (), "three numbers, got 1"),
         (Point, "abc", (), "three numbers, got 'abc'"),
         (Point, [0, math.nan, 0], (1,), "nan"),
         (Direction, [0, -0.0, 0], (), "zero vector"),
@@ -147,9 +136,6 @@ def test_scale_by_axis_and_identity():
     assert np.array_equal(transform({"scale": [1, 2, -3]}), np.diag([1.0, 2.0, -3.0, 1.0]))
     assert np.array_equal(matrix_of(None), np.eye(4))
     assert np.array_equal(transform(), np.eye(4))
-
-
-def test_an_extreme_scale_along_one_axis_is_no_flattening():
     assert transform({"scale": [1e-30, 1, 1e30]})[0, 0] == 1e-30
 
 
@@ -191,13 +177,6 @@ class Ball(ObjectSpec):
     solid: bool = False
 
 
-def test_spec_is_frozen_and_hashable():
-    ball = Ball(size=1.0)
-    with pytest.raises(ValidationError):
-        ball.size = 2.0
-    assert hash(ball) == hash(Ball(size=1.0))
-
-
 @pytest.mark.parametrize(
     ("value", "place", "words"),
     [
@@ -205,11 +184,9 @@ def test_spec_is_frozen_and_hashable():
         ({"size": 1, "xyzzy": 1}, ("xyzzy",), "known keys: size, pair, solid, name, material, medium"),
         ({}, ("size",), "is missing"),
         ({"size": 1, "solid": 1}, ("solid",), "must be true or false, got 1"),
-        ({"size": 1, "solid": "yes"}, ("solid",), "must be true or false, got 'yes'"),
         ({"size": 1, "pair": [1]}, ("pair", 1), "is missing; the list needs at least 2 values"),
         ({"size": 1, "pair": [1, 2, 3]}, ("pair",), "at most 2 values, got 3"),
         ({"size": 1, "name": 3}, ("name",), "must be a name, got 3"),
-        ({"size": 1, "material": [1]}, ("material",), "must be a name, got a list of 1"),
         ([], (), "must be a mapping"),
     ],
 )
@@ -230,8 +207,3 @@ def test_at_points_below_a_mapping():
         field_error(("rotate", "axis"), "must {not} be zero")
     assert caught.value.errors()[0]["loc"] == ("rotate", "axis")
     assert error_sentence(caught.value.errors()[0]) == "must {not} be zero"
-
-
-def test_the_constraints_of_pydantic_speak_as_the_others_do():
-    assert complaint(Annotated[int, Field(gt=0)], -1)[1] == "must be greater than 0, got -1"
-    assert complaint(Annotated[str, Field(min_length=1)], "")[1] == "must not be empty"

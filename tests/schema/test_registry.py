@@ -99,25 +99,13 @@ def test_kinds_of_these_families_are_called_as_their_modules_are(family):
     assert family.modules == {name: spec.__module__ for name, spec in family.specs().items()}
 
 
-@pytest.mark.parametrize(
-    ("family", "names"),
-    [
-        (APERTURES, {"image", "polygon", "round"}),
-        (CAMERAS, {"pinhole", "thin_lens"}),
-        (ENVIRONMENTS, {"constant", "gradient"}),
-        (FILTERS, {"box"}),
-        (LIGHTS, set()),
-        (MEDIA, {"homogeneous", "grid"}),
-        (MATERIALS, {"lambertian", "metal", "dielectric", "emitter"}),
-        (TEXTURES, {"checker", "image", "noise"}),
-        (SHAPES, {"sphere", "quad", "disc", "box", "triangle", "mesh"}),
-    ],
-    ids=lambda value: value.noun if isinstance(value, Family) else "",
-)
-def test_every_kind_has_a_file_and_documents_its_keys(family, names):
-    specs = family.specs()
-    assert names <= specs.keys()
-    for name, spec in specs.items():
+FAMILIES = (APERTURES, CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES)
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.noun)
+def test_every_kind_documents_itself_and_its_keys(family):
+    assert len(family.specs()) >= 2
+    for name, spec in family.specs().items():
         assert spec.__doc__, f"{name} has no description"
         for key, field in spec.model_fields.items():
             assert key == "type" or field.description, f"{name}.{key} has no description"

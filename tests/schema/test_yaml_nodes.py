@@ -26,42 +26,25 @@ def complaint(text):
     return str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("12", 12),
-        ("-12", -12),
-        ("010", 10),
-        ("0o10", 8),
-        ("0x1F", 31),
-        ("1e-3", 0.001),
-        ("1.", 1.0),
-        (".5", 0.5),
-        ("-0", 0),
-        ("inf", math.inf),
-        (".inf", math.inf),
-        ("-.INF", -math.inf),
-        ("1:30", "1:30"),
-        ("1_000", "1_000"),
-        ("1/125 s", "1/125 s"),
-        ("2026-01-01", "2026-01-01"),
-        ("on", "on"),
-        ("yes", "yes"),
-        ("No", "No"),
-        ("true", True),
-        ("False", False),
-        ("~", None),
-        ("null", None),
-        ("'12'", "12"),
-        ('"true"', "true"),
-        ("+", "+"),
-        ("infinity", "infinity"),
-    ],
-)
-def test_plain_scalars_follow_yaml_1_2(text, expected):
-    result = value(f"a: {text}")["a"]
-    assert result == expected
-    assert type(result) is type(expected)
+SCALARS = {
+    float: "1e-3 = 0.001, 1. = 1.0, .5 = 0.5, inf = inf, .inf = inf, -.INF = -inf",
+    int: "12 = 12, -12 = -12, 010 = 10, 0o10 = 8, 0x1F = 31, -0 = 0",
+    str: "1:30 = 1:30, 1_000 = 1_000, 1/125 s = 1/125 s, 2026-01-01 = 2026-01-01, on = on, yes = yes, No = No, "
+    "'12' = 12, \"true\" = true, + = +, infinity = infinity",
+}
+
+
+@pytest.mark.parametrize("kind", SCALARS)
+def test_plain_scalars_follow_yaml_1_2(kind):
+    for scalar in SCALARS[kind].split(", "):
+        text, expected = scalar.split(" = ")
+        result = value(f"a: {text}")["a"]
+        assert result == kind(expected), text
+        assert type(result) is kind
+
+
+def test_truths_and_nothing():
+    assert value("[true, False, ~, null]") == [True, False, None, None]
 
 
 def test_nan_and_huge_integers_reach_the_checks_as_floats():
@@ -129,7 +112,6 @@ BOMB = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
         ("a: 1\n---\nb: 2", "f.yaml:2: a second document"),
         ("a: [1, 2\nb: 3", "not valid YAML"),
         ("a:\n\tb: 1", "f.yaml:2: not valid YAML: a character that cannot start a value (a tab"),
-        ("a: 'open", "not valid YAML"),
         ("? [1]\n: 2", "a key must be a plain string"),
         ("a: {<<: 3}", "<< must name a mapping"),
         ("a: \x07", "control character"),
@@ -177,18 +159,7 @@ def test_override_replaces_adds_and_refuses():
             override(root, path, new)
 
 
-def test_files_that_cannot_be_text(tmp_path):
-    with pytest.raises(SceneError, match="no such file"):
-        read(str(tmp_path / "none.yaml"))
-    with pytest.raises(SceneError, match="is a folder"):
-        read(str(tmp_path))
-    for name, data, words in [
-        ("binary", b"\x7fELF\0\0", "binary file"),
-        ("latin1", b"a: 1\nb: \xe9t\xe9\n", r"latin1:2: is not UTF-8 text \(byte 0xe9\)"),
-    ]:
-        (tmp_path / name).write_bytes(data)
-        with pytest.raises(SceneError, match=words):
-            read(str(tmp_path / name))
+def test_a_mark_of_byte_order_is_no_text(tmp_path):
     (tmp_path / "bom").write_bytes(b"\xef\xbb\xbfa: 1")
     assert read(str(tmp_path / "bom")) == "a: 1"
 
