@@ -19,6 +19,7 @@ from raytracer.cli.base.app import main
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.validation_errors import error_sentence
 from raytracer.util import atomic_write
+from tests.cli.test_render import SCENE as BALL
 
 SCENE = """\
 camera: {look_from: [0, 0, 4], look_at: [0, 0, 0], up: [0, 1, 0], type: thin_lens, vfov: 40}
@@ -203,9 +204,7 @@ def test_a_full_disk_is_told(refusal, folder, monkeypatch):
     (folder / "full.png").symlink_to("/dev/full")
     # What is not there by then is not waited for here.
     monkeypatch.setattr(atomic_write, "_RETRY_SECONDS", ())
-    assert "full.png: cannot be written: No space left on device" in refusal(
-        "render SCENE -o full.png --spp 1 -D render.max_depth=1", status=1
-    )
+    assert "full.png: cannot be written: No space left on device" in refusal("render SCENE -o full.png", BALL, status=1)
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="needs a user whom permissions bind")
