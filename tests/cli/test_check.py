@@ -9,7 +9,6 @@ import pytest
 
 from raytracer.analysis.regression import check
 from raytracer.analysis.regression.reference_file import load_reference
-from raytracer.cli.base.app import main
 from raytracer.rendering.render import render
 from tests.analysis.regression.made_up import SCENE, MadeUp
 from tests.small_scenes import scene_text
@@ -25,13 +24,6 @@ objects:
     width=48,
     height=40,
 )
-
-
-@pytest.fixture
-def project(tmp_path, monkeypatch):
-    """A folder to work in."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @pytest.fixture
@@ -53,15 +45,14 @@ FAULTS = {
 }
 
 
-def test_planted_faults_are_found(project, monkeypatch, capsys):
-    (project / "ball.yaml").write_text(LIT, encoding="utf-8")
-    assert main(["reference", "ball.yaml", "--threads", "2", "--spp", "2048"]) == 0
-    assert main(["check", "references", "--threads", "2"]) == 0
+def test_planted_faults_are_found(here, monkeypatch, rt):
+    (here / "ball.yaml").write_text(LIT, encoding="utf-8")
+    rt("reference ball.yaml --threads 2 --spp 2048")
     assert re.match(
         r"ball: passed: no difference beyond .* \(256 spp, which find 0\.\d+ % more or less light, and .* px\)",
-        capsys.readouterr().out,
+        rt("check references --threads 2").out,
     )
-    assert not (project / "outputs").exists()
+    assert not (here / "outputs").exists()
 
     # As a program would render it that is wrong.
     for number, change in enumerate(FAULTS.values()):
@@ -74,31 +65,25 @@ def test_planted_faults_are_found(project, monkeypatch, capsys):
             return rendered._replace(image=image)
 
         monkeypatch.setattr(check, "render", wrong)
-        assert main(["check", "references", "--threads", "2", "--seed", str(number)]) == 1
-        assert capsys.readouterr().out.startswith("ball: FAILED: ")
-        assert (project / "outputs" / "check.html").exists()
+        found = rt(f"check references --threads 2 --seed {number}", status=1).out
+        assert found.startswith("ball: FAILED: ")
+        assert (here / "outputs" / "check.html").exists()
 
 
-def test_a_reference_knows_how_it_was_rendered(project, renders):
-    (project / "scenes").mkdir()
-    (project / "scenes" / "ball.yaml").write_text(SCENE, encoding="utf-8")
-    arguments = ["scenes/ball.yaml", "-o", "tests/kept", "-D", "camera.vfov=30", "--name", "near", "--width", "24"]
-    assert main(["reference", *arguments, "--spp", "500", "--seed", "3"]) == 0
-    recipe = load_reference(project / "tests" / "kept" / "near.npz").recipe
-    assert recipe.scene == "../../scenes/ball.yaml"
-    assert recipe.overrides == {"camera.vfov": 30, "film.width": 24, "film.height": 16, "render.sampler": "independent"}
-    assert (recipe.spp, recipe.seed) == (500, 3)
-
-
-def test_a_reference_is_rendered_anew_as_it_was(project, renders, capsys):
-    (project / "ball.yaml").write_text(SCENE, encoding="utf-8")
-    assert main(["reference", "ball.yaml", "--width", "24", "--spp", "500", "--seed", "3"]) == 0
-    path = project / "references" / "ball.npz"
+def test_a_reference_knows_how_it_was_rendered_and_is_rendered_anew_so(here, renders, rt):
+    (here / "scenes").mkdir()
+    (here / "scenes" / "ball.yaml").write_text(SCENE, encoding="utf-8")
+    arguments = "-o tests/kept -D camera.vfov=30 --name near --width 24 --spp 500 --seed 3"
+    rt(f"reference scenes/ball.yaml {arguments}")
+    path = here / "tests" / "kept" / "near.npz"
     before = load_reference(path)
+    assert before.recipe.scene == "../../scenes/ball.yaml"
+    film = {"film.width": 24, "film.height": 16}
+    assert before.recipe.overrides == {"camera.vfov": 30, **film, "render.sampler": "independent"}
+    assert (before.recipe.spp, before.recipe.seed) == (500, 3)
+
     renders.change = lambda picture: 1.1 * picture
-    capsys.readouterr()
-    assert main(["reference", "references/ball.npz"]) == 0
-    assert "; what it replaces: the mean of" in capsys.readouterr().err
+    assert "; what it replaces: the mean of" in rt("reference tests/kept/near.npz").err
     after = load_reference(path)
     assert after.recipe == before.recipe
     np.testing.assert_allclose(after.mean, 1.1 * before.mean, rtol=1e-6)
@@ -107,82 +92,62 @@ def test_a_reference_is_rendered_anew_as_it_was(project, renders, capsys):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["none.yaml"], "none.yaml: no such file"),
-        (["ball.yaml", "ball.yaml"], "ball.yaml: references/ball.npz is another scene's already; --name names"),
-        (["ball.yaml", "other.yaml", "--name", "a"], "--name a: is for one scene, and there are 2"),
-        (["ball.yaml", "--name", "a/b"], "--name a/b: is a name, not a path; -o names the folder"),
-        (["ball.yaml", "--width", "200", "-D", "film.width=300"], "200 pixels wide is too large"),
-        (["ball.yaml", "--spp", "8"], "a reference takes at least 16 samples per pixel"),
-        (["ball.yaml", "-o", "ball.yaml"], "ball.yaml is not a folder"),
-        (["ball.yaml", "-D", "camera.vfof=3"], "did you mean 'vfov'?"),
-        (["none.npz"], "none.npz: no such file"),
-        (["broken.npz"], "broken.npz: broken, or not a reference image"),
-        (["broken.npz", "--width", "3"], "--width: broken.npz is a reference, which is rendered anew as it was"),
+        ("none.yaml", "none.yaml: no such file"),
+        ("ball.yaml ball.yaml", "ball.yaml: references/ball.npz is another scene's already; --name names"),
+        ("ball.yaml other.yaml --name a", "--name a: is for one scene, and there are 2"),
+        ("ball.yaml --name a/b", "--name a/b: is a name, not a path; -o names the folder"),
+        ("ball.yaml --width 200 -D film.width=300", "200 pixels wide is too large"),
+        ("ball.yaml --spp 8", "a reference takes at least 16 samples per pixel"),
+        ("ball.yaml -o ball.yaml", "ball.yaml is not a folder"),
+        ("ball.yaml -D camera.vfof=3", "did you mean 'vfov'?"),
+        ("none.npz", "none.npz: no such file"),
+        ("broken.npz", "broken.npz: broken, or not a reference image"),
+        ("broken.npz --width 3", "--width: broken.npz is a reference, which is rendered anew as it was"),
     ],
 )
-def test_what_no_reference_is_rendered_of(arguments, sentence, project, renders, capsys):
+def test_what_no_reference_is_rendered_of(arguments, sentence, here, renders, refused):
     for name in ("ball", "other"):
-        (project / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
-    (project / "broken.npz").write_bytes(b"text")
-    assert main(["reference", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert sentence in error
-    assert error.count("\n") == 1
-    assert not (project / "references").exists()
+        (here / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
+    (here / "broken.npz").write_bytes(b"text")
+    assert sentence in refused(f"reference {arguments}")
 
 
-def test_every_reference_gets_its_line_and_the_worst_is_the_status(project, renders, capsys):
-    for name in ("ball", "cube", "disc"):
-        (project / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
-    assert main(["reference", "ball.yaml", "cube.yaml", "disc.yaml", "--quiet"]) == 0
-    assert capsys.readouterr().err == ""
+@pytest.fixture
+def referenced(here, renders, rt):
+    """Scenes with their references."""
+    for name in ("ball", "cube"):
+        (here / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
+    assert rt("reference ball.yaml cube.yaml --quiet").err == ""
 
-    assert main(["check", "references", "cube", "ball"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+
+def test_every_reference_gets_its_line_and_the_worst_is_the_status(referenced, here, renders, rt):
+    lines = rt("check references cube ball").out.splitlines()
     assert [line.partition(":")[0] for line in lines] == ["ball", "cube"]
 
     renders.change = lambda picture: 1.1 * picture
-    (project / "cube.yaml").unlink()
-    assert main(["check", "references", "cube"]) == 2
-    assert not (project / "outputs").exists()
-    capsys.readouterr()
-    assert main(["check", "references", "--json"]) == 2
-    captured = capsys.readouterr()
+    (here / "cube.yaml").unlink()
+    rt("check references cube", status=2)
+    assert not (here / "outputs").exists()
+    captured = rt("check references --json", status=2)
     found = {item["name"]: item for item in json.loads(captured.out)}
-    assert {name: item["verdict"] for name, item in found.items()} == {
-        "ball": "failed",
-        "cube": "error",
-        "disc": "failed",
-    }
+    assert {name: item["verdict"] for name, item in found.items()} == {"ball": "failed", "cube": "error"}
     assert found["cube"]["reason"] == "cube.yaml: no such file"
     assert found["ball"]["p"]["means"] < 1e-10
     assert "outputs/check.html shows what has failed" in captured.err
 
 
-def test_a_page_is_written_where_it_is_asked_for(project, renders, capsys):
-    (project / "ball.yaml").write_text(SCENE, encoding="utf-8")
-    main(["reference", "ball.yaml"])
-    capsys.readouterr()
-    assert main(["check", "references", "--report", "a/b.html", "--quiet"]) == 0
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err == "rt: a/b.html shows the pictures\n"
-    assert (project / "a" / "b.html").read_bytes().startswith(b"<!doctype html>")
+def test_a_page_is_written_where_it_is_asked_for(referenced, here, rt):
+    assert rt("check references --report a/b.html --quiet") == ("", "rt: a/b.html shows the pictures\n")
+    assert (here / "a" / "b.html").read_bytes().startswith(b"<!doctype html>")
 
 
-def test_ctrl_c_tells_what_was_not_checked(project, renders, capsys, monkeypatch):
-    for name in ("ball", "cube"):
-        (project / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
-    main(["reference", "ball.yaml", "cube.yaml"])
-    capsys.readouterr()
-
+def test_ctrl_c_tells_what_was_not_checked(referenced, renders, rt, monkeypatch):
     def until_the_second(*given, **settings):
         renders.interrupted = len(renders.calls) == 3
         return renders(*given, **settings)
 
     monkeypatch.setattr(check, "render", until_the_second)
-    assert main(["check", "references"]) == 130
-    captured = capsys.readouterr()
+    captured = rt("check references", status=130)
     assert captured.out.startswith("ball: passed")
     assert "rt: interrupted; 1 of 2 were not checked" in captured.err
 
@@ -190,20 +155,14 @@ def test_ctrl_c_tells_what_was_not_checked(project, renders, capsys, monkeypatch
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["nowhere"], "nowhere: no such folder"),
-        (["."], ". has no references: rt reference SCENE -o . renders one"),
-        (["references", "bal"], "references has no reference 'bal': did you mean 'ball'?"),
-        (["references", "--seed", "12345"], "was rendered with the seed 12345 itself; a check takes another one"),
-        (["references", "--spp", "8"], "a check takes at least 16 samples per pixel"),
-        (["references", "--alpha", "0.9"], "--alpha"),
-        (["references", "--report", "ball.yaml/a.html"], "ball.yaml is not a folder"),
+        ("nowhere", "nowhere: no such folder"),
+        (".", ". has no references: rt reference SCENE -o . renders one"),
+        ("references bal", "references has no reference 'bal': did you mean 'ball'?"),
+        ("references --seed 12345", "was rendered with the seed 12345 itself; a check takes another one"),
+        ("references --spp 8", "a check takes at least 16 samples per pixel"),
+        ("references --alpha 0.9", "--alpha"),
+        ("references --report ball.yaml/a.html", "ball.yaml is not a folder"),
     ],
 )
-def test_what_cannot_be_checked_at_all(arguments, sentence, project, renders, capsys):
-    (project / "ball.yaml").write_text(SCENE, encoding="utf-8")
-    main(["reference", "ball.yaml"])
-    capsys.readouterr()
-    assert main(["check", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert sentence in error
-    assert error.count("\n") == 1
+def test_what_cannot_be_checked_at_all(arguments, sentence, referenced, refused):
+    assert sentence in refused(f"check {arguments}")
