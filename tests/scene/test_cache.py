@@ -15,12 +15,14 @@ from raytracer.rendering.statistics import PhaseTimer
 from raytracer.scene import cache as cache_module
 from raytracer.scene.assets import LOADERS
 from raytracer.scene.cache import RenderCache, is_identical
-from raytracer.scene.load import build, load
+from raytracer.scene.load import load
 from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.pack.scene import pack
 from raytracer.scene.scene_assets import AccelInput
 from raytracer.util.errors import InputError
 from tests.repository import ROOT
+from tests.scene.assets.test_meshes import ply_text
+from tests.scene.gltf_files import CORNERS, write_gltf
 from tests.small_scenes import scene
 
 # Something of each that packing keeps: textures, media, solids that overlap, a moving object, instances, a sky, files.
@@ -51,23 +53,6 @@ objects:
 lights: [{type: point, position: [0, 5, 0], intensity: 3}]
 """
 
-_PLY = """ply
-format ascii 1.0
-element vertex 4
-property float x
-property float y
-property float z
-element face 2
-property list uchar int vertex_indices
-end_header
-0 0 0
-1 0 0
-1 {height} 0
-0 {height} 0
-3 0 1 2
-3 0 2 3
-"""
-
 
 @pytest.fixture
 def rich(tmp_path):
@@ -82,7 +67,7 @@ def rich(tmp_path):
 
 
 def _write_mesh(path, height):
-    path.write_text(_PLY.format(height=height))
+    path.write_bytes(ply_text([(0, 1, 2), (0, 2, 3)], [(0, 0, 0), (1, 0, 0), (1, height, 0), (0, height, 0)]))
 
 
 def _alone(spec):
@@ -126,14 +111,8 @@ def test_what_is_packed_from_a_cache_is_what_is_packed_anew(rich):
 
 
 def test_settings_that_a_scene_did_not_set_are_told_from_those_it_did():
-    one, other = (
-        build(
-            "camera: {type: pinhole, vfov: 40, look_from: [0, 0, 1], look_at: [0, 0, 0]}\nfilm: {width: 8, height: 8}\n"
-            f"objects: [{{type: sphere, center: [0, 0, {zero}], radius: 1{name}}}]\n",
-            "test.yaml",
-        ).objects
-        for zero, name in (("0.0", ""), ("0.0", ", name: null"))
-    )
+    ball = "camera: {type: pinhole}\nobjects: [{type: sphere, center: [0, 0, 0.0], radius: 1}]"
+    one, other = (scene(text, filled=False).objects for text in (ball, ball.replace("1}", "1, name: null}")))
     assert not is_identical(one, other)
     assert is_identical(one, one[:1])
 
@@ -199,19 +178,12 @@ def test_a_changed_file_is_another_world(rich):
 
 def test_a_mesh_is_read_again_when_a_file_that_it_names_changes(tmp_path):
     cache, path = RenderCache(), tmp_path / "triangle.gltf"
-    buffer = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-    path.write_text(
-        '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],'
-        '"meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],'
-        '"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",'
-        '"min": [0, 0, 0], "max": [2, 2, 2]}],'
-        '"bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"uri": "points.bin", "byteLength": 36}]}'
-    )
-    (tmp_path / "points.bin").write_bytes(buffer.tobytes())
+    write_gltf(path, buffers=[{"uri": "points.bin", "byteLength": 36}])
+    (tmp_path / "points.bin").write_bytes(CORNERS.tobytes())
     assert cache.read("mesh", path).vertices.max() == 1.0
     assert cache.read("mesh", path).vertices.max() == 1.0
     assert cache.counts.files_read == 1
-    (tmp_path / "points.bin").write_bytes((2 * buffer).tobytes())
+    (tmp_path / "points.bin").write_bytes((2 * CORNERS).tobytes())
     os.utime(tmp_path / "points.bin", ns=(1, 1))
     assert cache.read("mesh", path).vertices.max() == 2.0
 
@@ -272,9 +244,7 @@ def test_what_was_not_used_for_longest_goes(monkeypatch):
     assert cache.counts.structures_built == 3
     _structure(cache, 2.0)
     assert cache.counts.structures_built == 4
-
-
-def test_what_is_heavier_than_all_that_is_kept_is_kept_as_long_as_it_is_used(monkeypatch):
+    # What is heavier than all that is kept is kept as long as it is used.
     monkeypatch.setattr(cache_module, "_MAX_GEOMETRY_BYTES", 1)
     cache = RenderCache()
     assert _structure(cache) is _structure(cache)

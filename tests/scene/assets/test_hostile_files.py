@@ -3,10 +3,8 @@
 Python and NumPy tell how much they have asked for; the libraries written in C are asked only for what has been judged.
 """
 
-import base64
 import io
 import itertools
-import json
 import os
 import pickle
 import re
@@ -30,6 +28,7 @@ from raytracer.scene.assets.gltf_materials import read_materials
 from raytracer.util.errors import InputError
 from raytracer.util.safe_open import BrokenFileError, parse_npy
 from tests.fuzz import harness
+from tests.scene.gltf_files import CORNERS, accessor, data_uri, write_gltf
 
 POSIX_ONLY = pytest.mark.skipif(sys.platform == "win32", reason="pipes and devices of POSIX")
 
@@ -127,29 +126,16 @@ CLAIMS = {
     "60000.png": (png(60_000, 60_000, bytes(1000)), "is 60000 x 60000 pixels, and at most 268,435,456 are read"),
     "16000.png": (png(16_000, 16_000, bytes(1000)), "is 16000 x 16000 pixels in 74 bytes"),
     "plain.webp": (claiming(8192), "is 8192 x 8192 pixels in 60 bytes"),
-    "window.exr": (exr(15_999, 15_999), "is 16000 x 16000 pixels in"),
     "tile.exr": (tiled(16_384), "has tiles of 16384 x 16384 for 6 x 4 pixels"),
-    "wide.exr": (exr(2**31 - 2, 0), "broken"),
     "large.hdr": (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 30000 +X 30000\n" + bytes(100), "at most 268,435,456"),
     "trillion.npy": (npy("{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 1000000, 3), }"), "cut off"),
-    "overflow.npy": (
-        npy("{'descr': '<f4', 'fortran_order': False, 'shape': (4611686018427387904, 4, 4), }"),
-        "cut off",
-    ),
     "negative.npy": (
         npy("{'descr': '<f4', 'fortran_order': False, 'shape': (-4, -4, 3), }", bytes(96)),
         "none|cut off",
     ),
     "header.npy": (b"\x93NUMPY\x02\x00" + struct.pack("<I", 4 * 10**9) + b"{" * 100, "cut off"),
-    "brackets.npy": (npy("(" * 900), "broken"),
-    "minuses.npy": (npy("-" * 9000 + "1"), "broken"),
     "types.npy": (npy(f"{{'descr': '{','.join(['f4'] * 2000)}', 'fortran_order': False, 'shape': (1,), }}"), "numbers"),
     "trillion.ply": (ply("ascii", 999_999_999_999, 1, b"0 0 0\n"), "ends early"),
-    "list.ply": (
-        ply("binary_little_endian", 3, 2, bytes(36) + struct.pack("<I3iI3i", 3, 0, 1, 2, 2**32 - 16, 0, 1, 2)),
-        "cannot be read|ends early",
-    ),
-    "newlines.ply": (b"ply\nformat ascii 1.0" + b"\n" * 60_000, "does not begin as a PLY file"),
     "count.stl": (bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(500), "ends early"),
     "corners.obj": (
         b"v 0 0 0\n" * 3 + b"f " + b"1 2 3 " * 200_000,
@@ -157,10 +143,7 @@ CLAIMS = {
     ),
     "forms.obj": (b"v 0 0 0\n" * 3 + b"".join(b"f 1%s 2 3\n" % (b"/" * n) for n in range(900)), "indices of one kind"),
     "brackets.gltf": (b"[" * 100_000, "nested too deeply"),
-    "digits.gltf": (b'{"a":' + b"9" * 10_000 + b"}", "no JSON that can be read"),
     "column.csv": (b"x" * 100_000 + b",y,z\n1,2,3\n", "unknown column 'xxx"),
-    "field.csv": (b"x,y,z\n" + b"1" * 200_000 + b",2,3\n", "field limit"),
-    "zero.csv": (b"x,y,z\n1,\x002,3\n", "must be a number"),
     "angle.csv": (b"x,y,z,angle,axis_x\n1,2,3,1e308,1e308\n", "is not finite"),
 }
 
@@ -245,57 +228,20 @@ def test_a_file_too_large_to_be_read_whole_is_refused_by_its_length(tmp_path):
 # ---- glTF
 
 
-def address(data):
-    return f"data:;base64,{base64.b64encode(data).decode()}"
-
-
-CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
-
-
 def gltf(folder, **more):
-    """A file of one triangle, but for what is given."""
-    document = {
-        "asset": {"version": "2.0"},
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
-        "bufferViews": [{"buffer": 0, "byteLength": 36}],
-        "buffers": [{"byteLength": 36, "uri": address(CORNERS.tobytes())}],
-        **more,
-    }
-    path = folder / "a.gltf"
-    path.write_text(json.dumps(document))
-    return path
+    return write_gltf(folder / "a.gltf", **more)
 
-
-def accessor(**more):
-    return [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", **more}]
-
-
-DAG = [*({"children": [number + 1, number + 1]} for number in range(40)), {"mesh": 0}]
 
 BROKEN = {
     "a cycle of nodes": ({"nodes": [{"children": [1]}, {"children": [0], "mesh": 0}]}, "node 0 in more than one place"),
-    "a node below itself": ({"nodes": [{"children": [0], "mesh": 0}]}, "node 0 in more than one place"),
-    "2^40 ways to a node": ({"nodes": DAG}, "in more than one place of its tree"),
-    "a thousand million elements": ({"accessors": accessor(count=10**9)}, "goes beyond its data"),
-    "elements without data": ({"accessors": [{"componentType": 5126, "count": 10**9, "type": "VEC3"}]}, "without data"),
     "a negative offset": ({"accessors": accessor(byteOffset=-4)}, "byteOffset that is no integer from 0 on: -4"),
     "an offset beyond 64 bits": ({"accessors": accessor(byteOffset=2**70)}, "goes beyond its data"),
     "a stride of one byte": ({"bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 1}]}, "a byteStride of 1"),
     "a view beyond its buffer": ({"bufferViews": [{"buffer": 0, "byteLength": 37}]}, "ends early"),
-    "a matrix that is not finite": (
-        {"nodes": [{"mesh": 0, "matrix": [1e999] * 16}]},
-        "matrix that is not 16 finite numbers",
-    ),
-    "a huge matrix": ({"nodes": [{"mesh": 0, "scale": [1e300] * 3}]}, "vertex that is not finite"),
     "a number of 400 digits": ({"nodes": [{"mesh": 0, "scale": [10**400] * 3}]}, "scale that is not 3 finite numbers"),
     "a rotation of zeros": ({"nodes": [{"mesh": 0, "rotation": [0, 0, 0, 0]}]}, "rotation that is none"),
     "compressed meshes": ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "needs the extension KHR_draco"),
     "an address on the net": ({"buffers": [{"uri": "http://example.org/a.bin"}]}, "and only files are read"),
-    "an address of a file": ({"buffers": [{"uri": "file:///etc/passwd"}]}, "and only files are read"),
-    "an address that is none": ({"buffers": [{"uri": ["a"]}]}, "and only files are read"),
     "an address with a zero": ({"buffers": [{"uri": "a%00b"}]}, "cannot be read"),
 }
 
@@ -366,7 +312,7 @@ def test_sparse_strips_fans_and_quantised_coordinates_are_read(tmp_path):
     attributes = {"POSITION": 0, "TEXCOORD_0": 1}
     path = gltf(
         tmp_path,
-        buffers=[{"byteLength": len(data), "uri": address(data)}],
+        buffers=[{"byteLength": len(data), "uri": data_uri(data)}],
         bufferViews=[{"buffer": 0, "byteOffset": a, "byteLength": b - a} for a, b in itertools.pairwise(ends)],
         accessors=[
             *accessor(
@@ -390,7 +336,7 @@ def test_nodes_are_scaled_then_turned_then_moved(tmp_path):
     turn, factors, place, inner = (0.1, -0.7, 0.5, 0.4), (2.0, 3.0, 4.0), (5.0, 6.0, 7.0), (1.0, -2.0, 3.0)
     node = {"children": [1], "translation": place, "rotation": turn, "scale": factors}
     nodes = [node, {"mesh": 0, "translation": inner}]
-    moved = Rotation.from_quat(turn).apply(np.add(CORNERS.reshape(3, 3), inner) * factors) + place
+    moved = Rotation.from_quat(turn).apply(np.add(CORNERS, inner) * factors) + place
     np.testing.assert_allclose(read_mesh(gltf(tmp_path, nodes=nodes)).vertices, moved, rtol=1e-6)
 
 
@@ -399,23 +345,13 @@ def test_sparse_elements_without_data_are_zeros_but_where_they_are_replaced(tmp_
     sparse = {"count": 2, "indices": {"bufferView": 0, "componentType": 5123}, "values": {"bufferView": 1}}
     mesh = gltf(
         tmp_path,
-        buffers=[{"byteLength": 28, "uri": address(data)}],
+        buffers=[{"byteLength": 28, "uri": data_uri(data)}],
         bufferViews=[{"buffer": 0, "byteLength": 4}, {"buffer": 0, "byteOffset": 4, "byteLength": 24}],
         accessors=[{"componentType": 5126, "count": 3, "type": "VEC3", "sparse": sparse}],
     )
     np.testing.assert_array_equal(read_mesh(mesh).vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
     huge = [{"componentType": 5126, "count": 10**9, "type": "VEC3", "sparse": sparse}]
     assert "too many accessors" in refused(gltf(tmp_path, accessors=huge), read_mesh)
-
-
-def test_parts_without_triangles_are_left_out(tmp_path):
-    indices = {"bufferView": 0, "componentType": 5123, "count": 0, "type": "SCALAR"}
-    attributes = [{"attributes": {"POSITION": 0}}, {}, {"attributes": {"POSITION": 1}}]
-    primitives = [*attributes, {"attributes": {"POSITION": 0}, "indices": 2}]
-    accessors = [*accessor(), *accessor(count=0), indices]
-    mesh = read_mesh(gltf(tmp_path, accessors=accessors, meshes=[{"primitives": primitives}]))
-    np.testing.assert_array_equal(mesh.vertices, CORNERS.reshape(3, 3))
-    assert mesh.faces.tolist() == [[0, 1, 2]]
 
 
 def test_a_file_of_many_parts_is_read_if_it_has_them(tmp_path, monkeypatch):

@@ -29,6 +29,7 @@ def focus(camera, *objects, before=""):
 
 
 BALL = "type: sphere, name: ball, center: [1, 0, -5], radius: 0.5"
+WIDE = "vfov: 60, aperture: 20 mm"
 WALL = "type: quad, corner: [-90, -90, -8], edges: [[180, 0, 0], [0, 180, 0]]"
 
 
@@ -36,8 +37,15 @@ WALL = "type: quad, corner: [-90, -90, -8], edges: [[180, 0, 0], [0, 180, 0]]"
 
 
 def test_focus_on_is_the_depth_of_the_middle():
-    # Along the axis, and not along the ray.
-    assert focus("vfov: 60, aperture: 20 mm, focus_on: ball", BALL, WALL) == 5.0
+    # Along the axis, and not along the ray; of an instance, of its box; and in the middle of the exposure.
+    assert focus(f"{WIDE}, focus_on: ball", BALL, WALL) == 5.0
+    pair = "{type: sphere, center: [0, 0, 0], radius: 1}, {type: sphere, center: [0, 0, 4], radius: 1}"
+    both = "type: instance, of: pair, name: both, transform: [{translate: [0, 0, -9]}]"
+    assert focus(f"{WIDE}, focus_on: both", both, before=f"groups: {{pair: [{pair}]}}\n") == pytest.approx(7.0)
+    moving = f"{BALL}, motion: {{velocity: [0, 0, -8]}}"
+    assert focus(f"{WIDE}, focus_on: ball, shutter: 1/4 s, time: 2", moving) == pytest.approx(22.0)
+    backwards = "motion: {velocity: [0, 0, 8]}"
+    assert focus(f"{WIDE}, focus_on: ball, shutter: 1/4 s, {backwards}", BALL) == pytest.approx(6.0)
 
 
 def test_focus_on_is_the_same_scene_as_its_distance():
@@ -48,21 +56,6 @@ def test_focus_on_is_the_same_scene_as_its_distance():
     assert by_name.built is None
 
 
-def test_focus_is_for_the_middle_of_the_exposure():
-    moving = f"{BALL}, motion: {{velocity: [0, 0, -8]}}"
-    assert focus("vfov: 60, aperture: 20 mm, focus_on: ball, shutter: 1/4 s, time: 2", moving) == pytest.approx(22.0)
-    backwards = "motion: {velocity: [0, 0, 8]}"
-    assert focus(f"vfov: 60, aperture: 20 mm, focus_on: ball, shutter: 1/4 s, {backwards}", BALL) == pytest.approx(6.0)
-
-
-def test_focus_on_an_instance():
-    before = (
-        "groups: {pair: [{type: sphere, center: [0, 0, 0], radius: 1}, {type: sphere, center: [0, 0, 4], radius: 1}]}\n"
-    )
-    pair = "type: instance, of: pair, name: both, transform: [{translate: [0, 0, -9]}]"
-    assert focus("vfov: 60, aperture: 20 mm, focus_on: both", pair, before=before) == pytest.approx(7.0)
-
-
 # ---- At a place in the frame
 
 
@@ -70,7 +63,7 @@ def test_focus_at_is_the_depth_of_what_is_seen():
     # The ray to the ball's middle meets it a radius earlier; the middle of the frame sees the wall.
     x = 0.5 + 0.5 * 0.5 / 5.0 / math.tan(math.radians(30.0)) * 200.0 / 300.0
     ball = "type: sphere, name: ball, center: [0.5, 0, -5], radius: 0.25"
-    camera = "vfov: 60, aperture: 20 mm, focus_at: "
+    camera = f"{WIDE}, focus_at: "
     t = math.hypot(5.0, 0.5) - 0.25
     assert focus(f"{camera}[{x!r}, 0.5]", ball, WALL) == pytest.approx(t * 5.0 / math.hypot(5.0, 0.5), rel=1e-6)
     assert focus(f"{camera}[0.5, 0.5]", ball, WALL) == pytest.approx(8.0, rel=1e-6)
@@ -80,23 +73,23 @@ def test_focus_at_is_the_depth_of_what_is_seen():
 
 def test_focus_at_measures_from_the_top_left():
     left = "type: quad, corner: [-5, 0, -4], edges: [[5, 0, 0], [0, 5, 0]]"
-    assert focus("vfov: 60, aperture: 20 mm, focus_at: [0.25, 0.25]", left, WALL) == pytest.approx(4.0, rel=1e-6)
+    assert focus(f"{WIDE}, focus_at: [0.25, 0.25]", left, WALL) == pytest.approx(4.0, rel=1e-6)
     for place in ("[0.25, 0.75]", "[0.75, 0.25]", "[0.75, 0.75]"):
-        assert focus(f"vfov: 60, aperture: 20 mm, focus_at: {place}", left, WALL) == pytest.approx(8.0, rel=1e-6)
-
-
-def test_where_nothing_is_seen_focus_is_at_infinity():
-    assert focus("vfov: 60, aperture: 20 mm, focus_at: [0.1, 0.1]", BALL) == math.inf
+        assert focus(f"{WIDE}, focus_at: {place}", left, WALL) == pytest.approx(8.0, rel=1e-6)
 
 
 def test_focus_at_looks_through_mere_boundaries():
+    assert focus(f"{WIDE}, focus_at: [0.1, 0.1]", BALL) == math.inf
     before = "media: {fog: {type: homogeneous, scattering: 0.1}}\n"
-    fog = "type: sphere, center: [0, 0, -4], radius: 2, medium: fog"
-    camera = "vfov: 60, aperture: 20 mm, focus_at: [0.5, 0.5]"
-    assert focus(camera, fog, WALL, before=before) == pytest.approx(8.0, rel=1e-6)
+    camera = f"{WIDE}, focus_at: [0.5, 0.5]"
+    sphere = "type: sphere, center: [0, 0, -4], radius: 2"
+    assert focus(camera, f"{sphere}, medium: fog", WALL, before=before) == pytest.approx(8.0, rel=1e-6)
     # Glass is a surface.
-    glass = "type: sphere, center: [0, 0, -4], radius: 2, material: {type: dielectric, ior: 1.5}"
-    assert focus(camera, glass, WALL) == pytest.approx(2.0, rel=1e-6)
+    assert focus(camera, f"{sphere}, material: {{type: dielectric}}", WALL) == pytest.approx(2.0, rel=1e-6)
+    before += "groups: {one: [{type: sphere, center: [0, 0, 0], radius: 1}]}\n"
+    solid = "type: instance, of: one, transform: [{translate: [0, 0, -6]}]"
+    clear = "type: instance, of: one, material: {type: boundary}, medium: fog, transform: [{translate: [0, 0, -3]}]"
+    assert focus(camera, solid, clear, before=before) == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize(
@@ -114,20 +107,12 @@ def test_focus_at_looks_through_mere_boundaries():
 )
 def test_focus_at_looks_through_what_lets_all_light_through(sheet, distance):
     hung = f"type: quad, corner: [-1, -1, -4], edges: [[2, 0, 0], [0, 2, 0]], material: {sheet}"
-    assert focus("vfov: 60, aperture: 20 mm, focus_at: [0.5, 0.5]", hung, WALL) == pytest.approx(distance, rel=1e-6)
-
-
-def test_focus_at_an_instance_whose_material_is_a_boundary_looks_through_it():
-    before = "media: {fog: {type: homogeneous, scattering: 0.1}}\n"
-    before += "groups: {one: [{type: sphere, center: [0, 0, 0], radius: 1}]}\n"
-    solid = "type: instance, of: one, transform: [{translate: [0, 0, -6]}]"
-    clear = "type: instance, of: one, material: {type: boundary}, medium: fog, transform: [{translate: [0, 0, -3]}]"
-    assert focus("vfov: 60, aperture: 20 mm, focus_at: [0.5, 0.5]", solid, clear, before=before) == pytest.approx(5.0)
+    assert focus(f"{WIDE}, focus_at: [0.5, 0.5]", hung, WALL) == pytest.approx(distance, rel=1e-6)
 
 
 def test_focus_at_what_moves_is_for_the_middle_of_the_exposure():
     straight = "type: sphere, center: [0, 0, -4], radius: 1, motion: {velocity: [0, 0, -8]}"
-    camera = "vfov: 60, aperture: 20 mm, focus_at: [0.5, 0.5], shutter: 1/2 s"
+    camera = f"{WIDE}, focus_at: [0.5, 0.5], shutter: 1/2 s"
     assert focus(camera, straight) == pytest.approx(5.0, rel=1e-6)
     # A board that turns about a vertical axis beside it is edge on at first, and faces the camera in the middle.
     board = "type: box, min: [-1, -1, -6.1], max: [1, 1, -5.9]"
@@ -148,7 +133,7 @@ def test_focus_at_of_a_lens_that_breathes_is_of_the_focused_picture():
 
 
 def test_the_ray_casters_structure_is_built_once(monkeypatch):
-    found = packed("vfov: 60, aperture: 20 mm, focus_at: [0.5, 0.5]", WALL)
+    found = packed(f"{WIDE}, focus_at: [0.5, 0.5]", WALL)
     assert found.built is not None
     monkeypatch.setattr("raytracer.scene.pack.scene.Accel", None)
     assert found.build() is found.built
@@ -181,7 +166,7 @@ def test_what_cannot_be_focused_on_is_an_error_of_its_key(camera, item, words):
 def test_what_may_be_in_many_places_cannot_be_focused_on(name, what):
     before = "groups: {pair: [{type: sphere, name: one, center: [0, 0, 0], radius: 1}]}\n"
     with pytest.raises(SceneError, match=what):
-        packed(f"vfov: 60, aperture: 20 mm, focus_on: {name}", "type: instance, of: pair", before=before)
+        packed(f"{WIDE}, focus_on: {name}", "type: instance, of: pair", before=before)
 
 
 # ---- What is sharp
