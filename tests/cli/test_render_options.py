@@ -1,15 +1,12 @@
 """Options of commands that are made of the fields of `RenderOptions`."""
 
 import inspect
-from typing import Any
 
-import pytest
 import typer
 from typer.testing import CliRunner
 
 from raytracer.cli.base import options
 from raytracer.rendering.options import OPTIONS, RenderOptions
-from raytracer.util.errors import InputError
 
 
 def _ask(*names: str, words: list[str], **texts: str) -> tuple[RenderOptions, str]:
@@ -60,19 +57,3 @@ def test_a_command_has_the_options_that_it_names_where_they_stand() -> None:
     assert "Only here." in text
     assert OPTIONS["strict"].help[:20] not in text
     assert "--spp" not in text
-
-
-@pytest.mark.parametrize(
-    ("words", "sentence"),
-    [
-        ({"crop": "1,2"}, "--crop 1,2: must be four integers, X0,Y0,X1,Y1"),
-        ({"noise": "x%"}, "--noise x%: "),
-        ({"time_limit": "5 m"}, "--time-limit 5 m: "),
-        ({"max_memory": "lots"}, "--max-memory lots: "),
-        ({"aovs": ["depth,nope"]}, "--aov depth,nope: "),
-    ],
-)
-def test_what_cannot_be_parsed_is_named(words: dict[str, Any], sentence: str) -> None:
-    with pytest.raises(InputError) as caught:
-        options.GivenOptions(words).parse()
-    assert str(caught.value).startswith(sentence)

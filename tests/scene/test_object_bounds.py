@@ -7,14 +7,14 @@ from raytracer.core.primitives.base.interface import bounds
 from raytracer.scene.object_bounds import ObjectBounds
 from raytracer.scene.pack.scene import pack
 from raytracer.scene.scene_assets import SceneAssets
+from tests.scene.assets.test_meshes import ply_text
 from tests.small_scenes import scene
 
 CAMERA = "camera: {type: pinhole, look_from: [0, 0, 9]}\n"
 
-PLY = (
-    "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
-    "element face 1\nproperty list uchar int vertex_indices\nend_header\n{}\n3 0 1 2\n"
-)
+
+def write_ply(path, *vertices):
+    path.write_bytes(ply_text([(0, 1, 2)], vertices))
 
 
 def where(objects, *, groups="", base=None):
@@ -43,14 +43,14 @@ def test_the_middle_of_each_shape(item, center):
 
 
 def test_vertices_that_no_triangle_has_do_not_count(tmp_path):
-    (tmp_path / "a.ply").write_text(PLY.format("0 0 0\n4 0 0\n0 2 6\n99 99 99"))
+    write_ply(tmp_path / "a.ply", (0, 0, 0), (4, 0, 0), (0, 2, 6), (99, 99, 99))
     found = where("  - {type: mesh, file: a.ply, transform: [{translate: [0, 0, 1]}]}", base=tmp_path)
     np.testing.assert_allclose(found.center(0, 0.0), (2, 1, 4))
 
 
 def test_frames_have_the_form_of_their_time(tmp_path):
-    (tmp_path / "a.ply").write_text(PLY.format("0 0 0\n4 0 0\n0 2 0\n0 0 0"))
-    (tmp_path / "b.ply").write_text(PLY.format("0 0 0\n4 0 0\n0 6 0\n0 0 0"))
+    write_ply(tmp_path / "a.ply", (0, 0, 0), (4, 0, 0), (0, 2, 0))
+    write_ply(tmp_path / "b.ply", (0, 0, 0), (4, 0, 0), (0, 6, 0))
     found = where("  - {type: mesh, frames: [{time: 0, file: a.ply}, {time: 2, file: b.ply}]}", base=tmp_path)
     assert found.moves(0)
     for time, height in ((-1.0, 1.0), (0.0, 1.0), (1.0, 2.0), (2.0, 3.0), (5.0, 3.0)):

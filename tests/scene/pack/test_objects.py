@@ -331,11 +331,7 @@ def test_irradiance_below_a_placed_ellipsoid(mirror):
             "in itself: leaf -> tree -> l",
         ),
         ("of: tree}", "of: tree, medium: fog}", "medium: takes effect together with a `material`"),
-        (
-            "of: tree}",
-            "of: b, name: a}\n  - {type: instance, of: a, name: b}",
-            "[1].of: places 'a' in itself: a -> b -> a",
-        ),
+        ("of: tree}", "of: b, name: a}\n  - {type: instance, of: a, name: b}", "places 'a' in itself: a -> b -> a"),
     ],
 )
 def test_what_cannot_be_placed_is_refused(old, new, words):
@@ -359,10 +355,10 @@ def test_groups_are_in_groups_to_a_depth():
 
 
 def test_groups_that_double_are_refused_before_they_are_written_out(monkeypatch):
-    # 131,072 of the first; placed 1000 times, that is too many.
-    scatter = "scatter, of: g17, count: 1000, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 0, 1]]"
+    # 4096 of the first; placed 5000 times, that is too many.
+    scatter = "scatter, of: g12, count: 5000, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 0, 1]]"
     with pytest.raises(SceneError, match="16,777,216 are possible"):
-        packed(nested(17, copies=2).replace("instance, of: g17}]", scatter + "}]"))
+        packed(nested(12, copies=2).replace("instance, of: g12}]", scatter + "}]"))
     monkeypatch.setattr("raytracer.scene.pack.layout._MAX_GROUP_INSTANCES", 1000)
     assert len(poses(packed(nested(8, copies=2)))) == 256
     with pytest.raises(SceneError, match="places groups in groups more than 1,000 times"):

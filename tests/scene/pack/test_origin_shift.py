@@ -30,7 +30,6 @@ from raytracer.plugins.media.base.interface import translate_media as moved_medi
 from raytracer.plugins.media.grid import Grid
 from raytracer.plugins.media.homogeneous import Homogeneous
 from raytracer.scene.load import load
-from raytracer.scene.object_bounds import ObjectBounds
 from raytracer.scene.pack.layout import lay_out
 from raytracer.scene.pack.origin_shift import shift_origin
 from raytracer.scene.pack.scene import pack
@@ -244,14 +243,6 @@ def test_every_medium_moves_with_the_world(kind):
     np.testing.assert_allclose(through[1], through[0], rtol=1e-6)
 
 
-def test_objects_are_where_their_files_say(tmp_path):
-    (tmp_path / "map.obj").write_bytes(as_obj(_CORNERS + MAP))
-    text = view(MAP) + "  - {type: mesh, file: map.obj, name: town, transform: [{scale: 2}]}\n"
-    spec = scene(text, filled=False, base=tmp_path)
-    expected = 2.0 * (0.5 * (_CORNERS.min(axis=0) + _CORNERS.max(axis=0)) + MAP)
-    np.testing.assert_allclose(ObjectBounds(spec, SceneAssets(spec)).center(0, 0.0), expected, rtol=0.0, atol=2.0**-20)
-
-
 # ---- As it was written
 
 
@@ -375,15 +366,6 @@ def test_what_lies_far_in_its_group_is_moved_in_the_group(tmp_path):
     # In the group's own space textures are looked up as before.
     local = np.asarray(found.scene.primitives[0].vertices, np.float64)
     np.testing.assert_allclose(written(found, 0, local), _CORNERS + MAP, rtol=0.0, atol=2.0**-23)
-
-
-def test_what_is_placed_far_away_is_met_where_it_is(tmp_path):
-    egg = ", transform: [{scale: [1, 2, 1]}, {translate: PLACE}]"
-    text = view() + ball((0, 0, 0), egg.replace("PLACE", str(list(FAR))))
-    found = packed_scene(text)
-    assert found.scene.instances is not None
-    shift = found.scene.instances.pose[0][:, 3] + found.scene.origin.world
-    np.testing.assert_array_equal(shift, FAR)
 
 
 # ---- Trajectories
