@@ -70,17 +70,8 @@ def test_a_scene_that_was_changed_in_code_keeps_the_change():
     [
         ({"camera.vfov": 400}, "-D camera.vfov=400: camera.vfov: must be less than 180, got 400"),
         ({"camera.vfv": 4}, "-D camera.vfv=4: camera.vfv: unknown key 'vfv' of pinhole; did you mean 'vfov'?"),
-        ({"camra.vfov": 4}, "-D camra.vfov=4: camra: unknown key 'camra' of scene; did you mean 'camera'?"),
-        (
-            {"objects.bal.radius": 4},
-            "-D objects.bal.radius=4: there is no item of the name 'bal'; did you mean 'ball'?",
-        ),
         ({"objects[5].radius": 4}, "-D objects[5].radius=4: there is no item 5; the list has 2"),
         ({"camera.vfov.x": 4}, "-D camera.vfov.x=4: 'x' is not below 40, which is neither a list nor a mapping"),
-        (
-            {"camera..vfov": 4},
-            "-D camera..vfov=4: 'camera..vfov' is not a path such as camera.vfov or objects[3].radius",
-        ),
         # What is wrong stands in the file, because of an override elsewhere.
         (
             {"materials": {"gray": {"type": "metal"}}},

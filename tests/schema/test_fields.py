@@ -9,15 +9,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from raytracer.plugins.shapes.base.interface import ObjectSpec
-from raytracer.schema.fields import (
-    Albedo,
-    Direction,
-    Length,
-    Point,
-    PositiveLength,
-    PositiveLengthOrInf,
-    Radiance,
-)
+from raytracer.schema.fields import Albedo, Direction, Length, Point, PositiveLength, PositiveLengthOrInf, Radiance
 from raytracer.schema.spec import field_error
 from raytracer.schema.transform import Transform, matrix_of
 from raytracer.schema.validation_errors import error_sentence
@@ -39,20 +31,6 @@ def complaint(field, value):
 
 def transform(*steps):
     return matrix_of(checked(Transform, list(steps)))
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "words"),
-    [
-        (PositiveLength, 0, "must be greater than 0, got 0"),
-        (PositiveLength, "-2 cm", "must be greater than 0, got '-2 cm'"),
-        (PositiveLength, math.inf, "must be finite, got inf"),
-        (Length, True, "got true"),
-        (Length, "1e999", "must be finite"),
-    ],
-)
-def test_range_is_told(field, value, words):
-    assert words in complaint(field, value)[1]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -183,10 +161,7 @@ class Ball(ObjectSpec):
         ({"siz": 1}, ("siz",), "unknown key 'siz' of ball; did you mean 'size'?"),
         ({"size": 1, "xyzzy": 1}, ("xyzzy",), "known keys: size, pair, solid, name, material, medium"),
         ({}, ("size",), "is missing"),
-        ({"size": 1, "solid": 1}, ("solid",), "must be true or false, got 1"),
         ({"size": 1, "pair": [1]}, ("pair", 1), "is missing; the list needs at least 2 values"),
-        ({"size": 1, "pair": [1, 2, 3]}, ("pair",), "at most 2 values, got 3"),
-        ({"size": 1, "name": 3}, ("name",), "must be a name, got 3"),
         ([], (), "must be a mapping"),
     ],
 )

@@ -9,7 +9,6 @@ from raytracer.cli.base.app import main
 from raytracer.optics.glass import parse_glass
 from raytracer.scene.assets import read_lens
 from raytracer.scene.load import build, load
-from raytracer.scene.overrides import parse_overrides
 from raytracer.schema import yaml_parser
 from raytracer.schema.units import parse_bytes, parse_duration, parse_percentage, parse_quantity
 from raytracer.util.errors import InputError, closest_name, one_line
@@ -101,12 +100,6 @@ def test_options_are_no_safer_than_files(tmp_path, capsys, definition):
     assert len(sentence) < 2500
 
 
-def test_an_option_leads_to_an_item_that_is_there():
-    for path in ("objects[0].radius", "objects.ball.radius", "objects.0.radius"):
-        (found,) = build(HEAD + BALL, "f.yaml", parse_overrides([f"{path}=2"])).objects
-        assert found.radius == 2.0
-
-
 # ---- Numbers
 
 
@@ -145,12 +138,9 @@ def test_ranges_are_counted_before_they_are_made(text, words):
     assert words in complaint(lambda: parse_value_text("camera.intensity", text, "-D"))
 
 
-def test_many_values_with_one_label_are_told_apart_in_no_time():
+def test_many_values_are_counted_in_no_time():
     given = parse_value("objects.ball.material", ["x" * 50 + str(number) for number in range(50_000)], "-D")
     assert len(set(given.axis.labels)) == 50_000
-
-
-def test_logarithmic_steps_end_where_they_say():
     values = parse_value_text("x", "1e-150:1e150:3:log", "-D").axis.values
     assert [math.log10(value) for value in values] == pytest.approx([-150, 0, 150])
 
@@ -190,12 +180,16 @@ def test_names_hold_nothing_that_a_terminal_would_act_upon(text, without):
     assert "holds the control character" not in told(text.replace(without, "") + "x: 1")
 
 
-@pytest.mark.parametrize("suffix", [".zmx", ".dat"])
+LENSES = {
+    ".zmx": "NAME a\x1b[31mb\nSURF 0\n  DISZ INFINITY\nSURF 1\n  CURV 0.02\n  DISZ 5\n  GLAS N-BK7\n  DIAM 5\nSURF 2\n"
+    "  CURV -0.02\n  DISZ 90\n  DIAM 5\nSURF 3\n  DISZ 0\n",
+    ".dat": "# a\x1b[31mb\n50 5 1.5 10\n-50 90 1 10\n",
+}
+
+
+@pytest.mark.parametrize("suffix", LENSES)
 def test_names_of_imported_lenses_neither(tmp_path, suffix):
-    zmx = "NAME a\x1b[31mb\nSURF 0\n  DISZ INFINITY\nSURF 1\n  CURV 0.02\n  DISZ 5\n  GLAS N-BK7\n  DIAM 5\nSURF 2\n"
-    zmx += "  CURV -0.02\n  DISZ 90\n  DIAM 5\nSURF 3\n  DISZ 0\n"
-    dat = "# a\x1b[31mb\n50 5 1.5 10\n-50 90 1 10\n"
-    (tmp_path / f"lens{suffix}").write_text(zmx if suffix == ".zmx" else dat)
+    (tmp_path / f"lens{suffix}").write_text(LENSES[suffix])
     assert read_lens(tmp_path / f"lens{suffix}").name == "a [31mb"
 
 
@@ -204,8 +198,6 @@ def test_a_long_sentence_keeps_its_beginning_and_its_end():
     assert sentence.startswith("begin xxx")
     assert sentence.endswith("xxx end")
     assert len(sentence) < 2100
-
-
-def test_the_nearest_of_names_is_found_among_long_ones():
+    # The nearest of names is found among long ones.
     assert closest_name("gold", ["x" * MANY, "old", "cold fish"]) == "old"
     assert closest_name("x" * MANY, ["x" * MANY + "y"]) is None

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from raytracer.schema import yaml_parser
-from raytracer.schema.yaml_nodes import Node, SourceLocation, locate, node_of, override, parse_path, path_text
+from raytracer.schema.yaml_nodes import Node, SourceLocation, locate, override, parse_path, path_text
 from raytracer.schema.yaml_parser import MAX_BYTES, parse, read
 from raytracer.util.errors import SceneError
 
@@ -141,22 +141,6 @@ def test_paths_read_back():
     for wrong in ["", ".a", "a..b", "a[", "a[x]", "a.", "[]"]:
         with pytest.raises(ValueError, match="is not a path"):
             parse_path(wrong)
-
-
-def test_override_replaces_adds_and_refuses():
-    root = node_of({"objects": [{"name": "ball", "radius": 1}], "film": {"width": 3}}, SourceLocation(1))
-    new = Node(SourceLocation(0, "-D"), 7)
-    assert override(root, ("objects", "ball", "radius"), new).plain()["objects"][0]["radius"] == 7
-    assert override(root, ("objects", "0", "radius"), new).plain()["objects"][0]["radius"] == 7
-    assert override(root, ("render", "spp"), new).plain()["render"] == {"spp": 7}
-    assert root.plain()["film"] == {"width": 3}
-    for path, words in [
-        (("objects", "bal", "radius"), "did you mean 'ball'"),
-        (("objects", "1", "radius"), "the list has 1"),
-        (("film", "width", "x"), "neither a list nor a mapping"),
-    ]:
-        with pytest.raises(ValueError, match=words):
-            override(root, path, new)
 
 
 def test_a_mark_of_byte_order_is_no_text(tmp_path):

@@ -9,8 +9,7 @@ import pytest
 
 from raytracer.film import srgb
 from raytracer.film.formats import hdr
-from raytracer.scene.assets.images import decode_image, read_image
-from raytracer.util.errors import InputError
+from raytracer.scene.assets.images import decode_image
 
 BYTES = np.random.default_rng(1).integers(0, 256, (3, 5, 4), dtype=np.uint8)
 
@@ -58,15 +57,6 @@ def test_exr_channels_in_their_order(names, channels):
     np.testing.assert_array_equal(image.texels, values)
 
 
-def test_half_floats_are_read():
-    buffer = io.BytesIO()
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, {"Y": np.array([[0.5, 2.0]], np.float16)}).write(buffer)
-    image = decode_image(buffer.getvalue(), ".exr")
-    assert image.texels.dtype == np.float32
-    np.testing.assert_array_equal(image.texels[..., 0], [[0.5, 2.0]])
-
-
 def test_hdr_and_npy():
     values = np.random.default_rng(3).random((4, 9, 3))
     image = decode_image(hdr.encode(values, {}), ".hdr")
@@ -99,12 +89,3 @@ def test_sizes_are_judged_before_pixels_are_decoded(monkeypatch):
         decode_image(encoded(BYTES), ".png")
     # Pillow keeps its own limit for others.
     assert PIL.Image.MAX_IMAGE_PIXELS is not None
-
-
-def test_a_file_says_its_name_in_errors(tmp_path):
-    path = tmp_path / "broken.png"
-    with pytest.raises(InputError, match=r"broken\.png: no such file"):
-        read_image(path)
-    path.write_bytes(encoded(BYTES)[:-40])
-    with pytest.raises(InputError, match=r"broken\.png: broken, or no \.png image"):
-        read_image(path)

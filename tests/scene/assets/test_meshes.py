@@ -81,6 +81,23 @@ def glb(triangles=TRIANGLES):
     return trimesh.Trimesh(VERTICES, triangles, process=False).export(file_type="glb")
 
 
+def ply_with_more(polygons):
+    """Elements, properties and lists that are no concern of the mesh's geometry, before, between and after it."""
+    header = (
+        b"ply\nformat binary_little_endian 1.0\nobj_info made by hand\n"
+        b"element material 2\nproperty list uchar float weights\nproperty short id\n"
+        b"element vertex 5\nproperty uchar red\nproperty float x\nproperty float y\nproperty float z\n"
+        b"element face %d\nproperty uchar flags\nproperty list ushort uint vertex_index\n"
+        b"property list uchar float texcoord\nelement camera 1\nproperty int a\nend_header\n"
+    )
+    body = struct.pack("<B2fh", 2, 1, 2, 3) + struct.pack("<B2fh", 2, 0, 1, 3)
+    body += b"".join(struct.pack("<B3f", 7, *v) for v in VERTICES)
+    for p in polygons:
+        uv = [0.5, 0.25] * len(p)
+        body += struct.pack(f"<BH{len(p)}IB{len(uv)}f", 1, len(p), *p, len(uv), *uv)
+    return header % len(polygons) + body + struct.pack("<i", 3)
+
+
 FILES = {
     "text.ply": ply_text(),
     "little.ply": ply_binary("<"),
@@ -98,6 +115,8 @@ FILES = {
     "text.stl": stl_text(),
     "UPPER.STL": stl_text().upper().replace(b"E+", b"e+"),
     "scene.glb": glb(),
+    "more.ply": ply_with_more(POLYGONS),
+    "more_triangles.ply": ply_with_more(TRIANGLES),
 }
 
 
@@ -125,28 +144,6 @@ def test_every_format_gives_the_same_triangles(name, written):
     assert mesh.faces.flags.c_contiguous
 
 
-def ply_with_more(polygons):
-    """Elements, properties and lists that are no concern of the mesh's geometry, before, between and after it."""
-    header = (
-        b"ply\nformat binary_little_endian 1.0\nobj_info made by hand\n"
-        b"element material 2\nproperty list uchar float weights\nproperty short id\n"
-        b"element vertex 5\nproperty uchar red\nproperty float x\nproperty float y\nproperty float z\n"
-        b"element face %d\nproperty uchar flags\nproperty list ushort uint vertex_index\n"
-        b"property list uchar float texcoord\nelement camera 1\nproperty int a\nend_header\n"
-    )
-    body = struct.pack("<B2fh", 2, 1, 2, 3) + struct.pack("<B2fh", 2, 0, 1, 3)
-    body += b"".join(struct.pack("<B3f", 7, *v) for v in VERTICES)
-    for p in polygons:
-        uv = [0.5, 0.25] * len(p)
-        body += struct.pack(f"<BH{len(p)}IB{len(uv)}f", 1, len(p), *p, len(uv), *uv)
-    return header % len(polygons) + body + struct.pack("<i", 3)
-
-
-@pytest.mark.parametrize("polygons", [POLYGONS, TRIANGLES])
-def test_a_ply_file_with_other_elements_and_properties(polygons, written):
-    assert soup(read_mesh(written("a.ply", ply_with_more(polygons)))) == EXPECTED
-
-
 @pytest.mark.parametrize("code", ["f", "d"])
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_a_ply_file_that_is_as_long_as_one_of_quads(order, code, written):
@@ -171,16 +168,6 @@ def test_a_ply_file_as_blender_writes_it(polygons, edges, written):
     mesh = read_mesh(written("a.ply", header + body + struct.pack("<2i", 0, 4) * edges))
     assert soup(mesh) == EXPECTED
     np.testing.assert_array_equal(mesh.normals, [[0, 0, 1]] * 5)
-
-
-def test_obj_indices_below_zero_count_back_from_their_face(written):
-    # The format's own rule; the second vertex -1 is not the first.
-    text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 0 2\nv 1 0 2\nv 1 1 2\nf -3 -2 -1\nf 1 -1 2\n"
-    vertices = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 0, 2), (1, 0, 2), (1, 1, 2)], dtype=float)
-    expected = RawMesh(vertices, np.array([(0, 1, 2), (3, 4, 5), (0, 5, 1)]), None)
-    assert soup(read_mesh(written("a.obj", text))) == soup(expected)
-    counted = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\nv 0 0 2\nv 1 0 2\nv 1 1 2\nf 4 5 6\nf 1 6 2\n"
-    assert soup(read_mesh(written("b.obj", counted))) == soup(expected)
 
 
 def test_obj_with_everything_that_is_left_out(written):
@@ -361,13 +348,6 @@ def test_a_normal_that_is_none_is_computed(bad, written):
     np.testing.assert_allclose(mesh.normals, [[1, 0, 0]] * 4 + [[0, 0, 1]], atol=1e-15)
 
 
-def test_smooth_normals_of_a_cube_do_not_depend_on_its_diagonals():
-    # By angle the three faces at a corner weigh the same, however they are cut: (1, 1, 1)/sqrt(3).
-    cube = trimesh.creation.box((2, 2, 2))
-    vertices, faces = np.asarray(cube.vertices), np.asarray(cube.faces)
-    np.testing.assert_allclose(smooth_normals(vertices, faces), vertices / np.sqrt(3), atol=1e-15)
-
-
 def test_smooth_normals_are_those_of_a_peer():
     # trimesh 5.2 weights by the angle too.
     rng = np.random.default_rng(2)
@@ -390,14 +370,6 @@ def test_a_seam_leaves_no_trace_in_smooth_normals():
     torn = vertices[faces.reshape(-1)]
     normals = smooth_normals(torn, np.arange(len(torn)).reshape(-1, 3))
     np.testing.assert_allclose(normals, smooth_normals(vertices, faces)[faces.reshape(-1)], atol=1e-12)
-
-
-def test_vertex_normals_are_those_of_the_file_or_else_made(written):
-    plain = read_mesh(written("a.obj", obj_text()))
-    np.testing.assert_array_equal(plain.vertex_normals(), smooth_normals(plain.vertices, plain.faces))
-    text = obj_text([(0, 1, 2)]).replace(b"f 1 2 3", b"vn 0 1 0\nf 1//1 2//1 3//1")
-    own = read_mesh(written("b.obj", text))
-    np.testing.assert_array_equal(own.vertex_normals()[:3], [[0, 1, 0]] * 3)
 
 
 def test_the_two_sides_of_a_sheet_keep_their_normals_and_a_lone_vertex_has_none():
