@@ -16,6 +16,11 @@ import yaml
 from pydantic import ValidationError
 
 from raytracer.cli.base.app import main
+from raytracer.film.image import Image
+from raytracer.film.image_file import save
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.views import Plane, Views
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.validation_errors import error_sentence
 from raytracer.util import atomic_write
@@ -79,6 +84,8 @@ FILES = {
     "list.gltf": "[]",
     "a.gif": b"GIF89a\0\0",
     "glass.yaml": GLASS,
+    "gauss.dat": "50 5 1.5 10\n-50 90 1 10\n",
+    "broken.npz": "text",
     "empty.yaml": "# a scene\n",
     "latin.yaml": "# scene\n# \xe9t\xe9 \n".encode("latin-1"),
     "binary.yaml": b"\x89PNG\r\n\x1a\n\0\0\0",
@@ -127,6 +134,12 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("scenes")
     for name, data in FILES.items():
         (path / name).write_bytes(data.encode() if isinstance(data, str) else data)
+    (path / "folder.html").mkdir()
+    for name in ("one.exr", "two.exr", "one.png", "small.exr"):
+        shape = (4, 5, 3) if name == "small.exr" else (16, 20, 3)
+        save(Image(np.full(shape, 0.5), np.full(shape, 1e-4), 64), path / name)
+    views = Views(np.zeros((1, 1, 2)), Plane(0.1, 0.0, 0.0), 2, 2)
+    lf.write(path / "a.lf", LightField(np.zeros((1, 1, 2, 2, 3)), views))
     return path
 
 

@@ -89,29 +89,6 @@ def test_a_reference_knows_how_it_was_rendered_and_is_rendered_anew_so(here, ren
     np.testing.assert_allclose(after.mean, 1.1 * before.mean, rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        ("none.yaml", "none.yaml: no such file"),
-        ("ball.yaml ball.yaml", "ball.yaml: references/ball.npz is another scene's already; --name names"),
-        ("ball.yaml other.yaml --name a", "--name a: is for one scene, and there are 2"),
-        ("ball.yaml --name a/b", "--name a/b: is a name, not a path; -o names the folder"),
-        ("ball.yaml --width 200 -D film.width=300", "200 pixels wide is too large"),
-        ("ball.yaml --spp 8", "a reference takes at least 16 samples per pixel"),
-        ("ball.yaml -o ball.yaml", "ball.yaml is not a folder"),
-        ("ball.yaml -D camera.vfof=3", "did you mean 'vfov'?"),
-        ("none.npz", "none.npz: no such file"),
-        ("broken.npz", "broken.npz: broken, or not a reference image"),
-        ("broken.npz --width 3", "--width: broken.npz is a reference, which is rendered anew as it was"),
-    ],
-)
-def test_what_no_reference_is_rendered_of(arguments, sentence, here, renders, refused):
-    for name in ("ball", "other"):
-        (here / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
-    (here / "broken.npz").write_bytes(b"text")
-    assert sentence in refused(f"reference {arguments}")
-
-
 @pytest.fixture
 def referenced(here, renders, rt):
     """Scenes with their references."""

@@ -75,31 +75,3 @@ def test_folders(images, rt):
     assert "view.exr" in Path("all.html").read_text()
     Path("c.png").rename("after/more.png")
     assert json.loads(rt(f"compare after before {PLAIN} --json", status=1).out)["only_in_a"] == ["more.png"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        ("a.exr small.exr", "a.exr, small.exr: the images differ in size: 20 x 16 and 5 x 4 pixels"),
-        ("a.exr none.exr", "none.exr: no such file"),
-        ("a.exr .", ". is a folder, and a.exr is not"),
-        ("a.exr b.exr --fail-above flip=low", "--fail-above flip=low: must be METRIC=NUMBER"),
-        ("a.exr b.exr --fail-above psnr=30", "PSNR is better when it is larger"),
-        ("a.exr b.exr --fail-above rsme=1", "unknown metric 'rsme': did you mean 'rmse'"),
-        ("a.exr b.exr --metric mae,", "unknown metric ''"),
-        ("a.png b.png --test", "the z-test takes the variances of both images: a.png holds display values"),
-        ("a.exr b.exr --alpha 2", "alpha must lie between 0 and 1"),
-        ("a.exr b.exr --difference d.jpg", "d.jpg: pictures of differences are written as .png"),
-        ("a.exr b.exr --difference sgn=d.png", "unknown kind of picture 'sgn'"),
-        ("a.exr b.exr --difference z=d.html", "only the kind wipe is a page"),
-        ("a.exr b.exr --difference wipe=d.png", "is written to a file .html"),
-        ("a.exr b.exr --difference z=", "names no file"),
-        (
-            "a.png b.png --metric=mae --difference z=d.png",
-            "no picture of z, since there was no z-test: a.png holds display values",
-        ),
-        ("a.exr b.exr --difference a.png/d.png", "is not a folder"),
-    ],
-)
-def test_what_is_wrong_is_said_in_one_line(images, refused, arguments, sentence):
-    assert sentence in refused(f"compare {arguments}")

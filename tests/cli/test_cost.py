@@ -68,27 +68,6 @@ def test_interrupted_it_reports_what_there_is(world, rt):
     assert output == ("", "nothing is known before the prediction is there\nrt: interrupted\n")
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ("--target 0", "--target 0: must be greater than 0 and less than 100%"),
-        ("--target 1s", "--target 1s: must be a relative error such as 1% or 0.01"),
-        ("--budget inf", "--budget inf: must be a finite time"),
-        ("--budget 3m", "--budget 3m: "),
-        ("--rounds 8", "rounds 8: must be at least 9"),
-        ("--rounds 1001", "rounds 1001: must be at most 1000, since the pictures of all are kept"),
-        ("--tiles 15", "tiles 15: must be at least 16"),
-        ("--variants defocus,", "--variants defocus,: a name is empty"),
-        ("--arms defocsu", "did you mean 'defocus'?"),
-        ("--arms defocus --no-arms", "--variants and --no-variants exclude each other"),
-        ("--no-arms -D film.widht=3", "did you mean 'width'?"),
-    ],
-)
-def test_what_makes_no_sense_is_refused_in_a_sentence(world, options, words, refused):
-    assert words in refused(f"cost scene.yaml {options}")
-    assert world.calls == []
-
-
 def test_a_target_that_no_float_can_square_is_out_of_reach(world, rt):
     said = " ".join(rt("cost scene.yaml --no-arms --target 1e-155% --budget '1e308 s'").out.split())
     assert "never" in said

@@ -99,34 +99,6 @@ def test_the_f_number_that_is_engraved_is_wide_open(rt, refused):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        ("", "Missing argument 'FILE'"),
-        ("none.yaml", "none.yaml: no such file"),
-        ("singlet.yaml -o a.xyz", "a.xyz: unknown suffix '.xyz' for a report on a lens; known: .html, .pdf"),
-        ("singlet.yaml -o folder.html", "folder.html: is a folder, not a file"),
-        ("singlet.yaml --f-number 0.5", "singlet.yaml: the lens opens to f/"),
-        ("singlet.yaml --focus-distance 3kg", "--focus-distance 3kg: has the unknown unit 'kg'"),
-        ("singlet.yaml --focus-distance 5cm", "singlet.yaml: the lens cannot focus at 50 mm"),
-        ("singlet.yaml --sensor ful_frame", "--sensor ful_frame: unknown sensor 'ful_frame'; did you mean"),
-        ("singlet.yaml --sensor 36x0", "--sensor 36x0: must be larger than 0"),
-        ("singlet.yaml --wavelengths d,x", "--wavelengths d,x: must be wavelengths in nm, or the lines"),
-        ("singlet.yaml --wavelengths d,d", "--wavelengths d,d: has d twice"),
-        ("import singlet.yaml", "singlet.yaml: is no lens of another program"),
-        ("import gauss.dat -o a.txt", "a.txt: a lens file is written as .yaml"),
-        ("import a.zmx --thickness after", "--thickness after: goes with tables, .dat; a.zmx says itself"),
-        ("import gauss.dat --thickness both", "Invalid value for '--thickness': 'both' is not"),
-        ("import gauss.dat --glass SK16", "--glass: must be NAME=INDEX/ABBE"),
-        ("distortion singlet.yaml -o map.png", "map.png: unknown suffix '.png' for a map of distortion"),
-        ("distortion singlet.yaml --width 1", "Invalid value for '--width'"),
-    ],
-)
-def test_what_is_wrong_is_one_sentence(singlet, arguments, sentence, refused):
-    Path("folder.html").mkdir()
-    assert refused(f"lens {arguments}").startswith(f"rt: {sentence}")
-
-
-@pytest.mark.parametrize(
     ("error", "status", "said"),
     [
         (OSError(28, "No space left on device"), 1, "report.svg: cannot be written: No space left on device"),
@@ -139,13 +111,6 @@ def test_what_cannot_be_written_is_one_sentence(singlet, error, status, said, mo
 
     monkeypatch.setattr("os.replace", fail)
     assert refused("lens singlet.yaml -o report.svg", status=status) == f"rt: {said}\n"
-
-
-@pytest.mark.parametrize("command", ["lens", "lens import", "lens distortion"])
-def test_help_shows_an_example(command, rt):
-    out = rt(f"{command} --help").out
-    assert "Example" in out
-    assert f"  rt {command}" in out
 
 
 def test_an_imported_lens_is_the_same_lens(singlet, rt):

@@ -86,39 +86,6 @@ def test_what_is_too_bright_is_said(here, rt):
     assert "25 % of the values are brighter than 1 and were clipped: --format exr keeps them" in said
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        ("info b.lf", "b.lf: no such file"),
-        ("info .", ".: is a folder, not an .lf file: rt lightfield import reads folders of views"),
-        ("info scene.yaml", "scene.yaml: is no .lf file (not HDF5)"),
-        ("import scene.yaml -o b.lf", "scene.yaml: unknown suffix '.yaml' for an image"),
-        ("import a.lf -o b.lf", "a.lf: is an .lf file already"),
-        ("import . -o b.lf", ".: holds no views"),
-        ("import . -o b.png", "b.png: unknown suffix '.png' for a light field; known: .lf"),
-        ("import . -o b.lf --spacing 1,2,3", "--spacing 1,2,3: must be one length, or two"),
-        ("import . -o b.lf --spacing -1mm", "--spacing -1mm: must be greater than 0"),
-        ("import . -o b.lf --focus-distance 0", "--focus-distance 0: must be greater than 0"),
-        ("import . -o b.lf --vfov 180", "--vfov 180: must be less than 180 degrees"),
-        ("import . -o b.lf --flip z", "--flip z: must be x, y or xy"),
-        ("import . -o b.lf --dtype int8", "--dtype int8: must be float16, float32, float64"),
-        ("export a.lf -o views --format tif", "views: unknown suffix '.tif' for views"),
-        ("export a.lf -o scene.yaml", "scene.yaml: is a file, not a folder"),
-        ("export a.lf -o b.lf", "b.lf: is no folder of views, and no .npy"),
-        ("export a.lf -o a.npy --format exr", "a.npy: is one file"),
-        ("export a.lf -o scene.yaml/a.npy", "scene.yaml/a.npy: cannot be written: "),
-    ],
-)
-def test_what_is_wrong_is_told_in_a_sentence(file, refused, arguments, sentence):
-    Path("scene.yaml").write_text(SCENE)
-    assert refused(f"lightfield {arguments}").startswith(f"rt: {sentence}")
-
-
-@pytest.mark.parametrize("command", ["info", "import", "export"])
-def test_help_has_examples(command, rt):
-    assert f"rt lightfield {command} " in rt(f"lightfield {command} --help").out
-
-
 def test_a_render_is_a_light_field(here, rt):
     array = SCENE.replace("CAMERA", "camera_array").replace("KEYS", ", rows: 2, columns: 3, spacing: 0.1")
     Path("array.yaml").write_text(array)
