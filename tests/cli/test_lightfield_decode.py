@@ -59,19 +59,3 @@ def test_grid_is_printed_and_read_again(tmp_path, rt):
     again = rt(f"lightfield decode raw.tif --grid {file} --json -q")
     assert json.loads(again.out)["along"] == grid["along"]
     assert again.err == ""
-
-
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        ("--white nowhere.png", "nowhere.png: no such file"),
-        ("-o x.png", "x.png: unknown suffix '.png' for a light field; known: .lf"),
-        ("--f-number 0", "--f-number 0: must be greater than 0"),
-        ("--pixel-pitch inf", "--pixel-pitch inf: must be finite"),
-        ("--focus-distance -1m", "--focus-distance -1m: must be greater than 0"),
-        ("--pixel-pitch wide", "--pixel-pitch wide: "),
-        ("--grid raw.tif", "is no JSON file"),
-    ],
-)
-def test_wrong_use_is_one_sentence(refused, arguments, told):
-    assert told in refused(f"lightfield decode raw.tif {arguments}")

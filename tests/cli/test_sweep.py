@@ -67,10 +67,11 @@ def test_pairs_formats_folder_and_animation(bench, rt):
 
 
 def test_options_reach_the_points(bench, rt):
-    options = "--spp 3 --seed 5 --threads 2 --crop 0,0,2,2 --noise 2% --time-limit 3s --format exr --aov depth --strict"
-    rt(f"{_LENS} {options}")
-    expected = {"spp": 3, "seed": 5, "threads": 2, "crop": (0, 0, 2, 2), "noise": 0.02, "time_limit": 3.0}
-    assert (expected | {"aovs": ("depth",), "strict": True}).items() <= bench.settings[0].items()
+    options = "--spp 3 --seed 5 --threads 2 --crop 0,0,2,2 --noise 2% --time-limit 3s --format exr --aov depth,normal"
+    rt(f"{_LENS} {options} --aov albedo --strict --max-memory 2GB")
+    numbers = {"spp": 3, "seed": 5, "threads": 2, "noise": 0.02, "time_limit": 3.0, "max_memory": 2 * 10**9}
+    others = {"crop": (0, 0, 2, 2), "aovs": ("depth", "normal", "albedo"), "strict": True}
+    assert (numbers | others).items() <= bench.settings[0].items()
 
 
 def test_a_file_of_a_sweep_names_the_folder(bench, rt):

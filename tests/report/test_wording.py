@@ -1,9 +1,10 @@
-"""Formats of numbers, intervals and durations."""
+"""Formats of numbers, intervals, durations and tables."""
 
 import math
 
 from raytracer.core.error_estimate.intervals import UNKNOWN, Interval
 from raytracer.report import wording
+from raytracer.report.table import align_columns
 
 INF, NAN = math.inf, math.nan
 
@@ -81,3 +82,10 @@ def test_compact_numbers_have_an_exponent_only_where_it_is_shorter():
 
 def test_short_exposures_are_fractions():
     same(wording.exposure_time, {0.008: "1/125 s", 0.4: "0.4 s", 0.5: "0.5 s", 2.0: "2 s"})
+
+
+def test_columns_have_one_width_and_rows_may_be_short():
+    assert align_columns([["name", "m"], ["a", "1.25"]]) == ["name     m", "a     1.25"]
+    assert align_columns([["name", "m"], ["a", "1.25"]], left=0) == ["name     m", "   a  1.25"]
+    assert align_columns([["a", "b", "c"], ["ab"]], gap=" ") == ["a  b c", "ab"]
+    assert align_columns([]) == []

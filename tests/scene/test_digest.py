@@ -162,17 +162,14 @@ def test_settings_count_unless_they_are_none():
 
 def test_the_program_and_the_libraries_that_compute_and_read_files_count(monkeypatch):
     scene, version = build(PLAIN, "a.yaml"), importlib.metadata.version
-    before = {digest(scene)}
+    seen, changed = {digest(scene)}, set()
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: "0.1" if name in changed else version(name))
     for library in ("numba", "embreex", "Pillow", "OpenEXR"):
-        others = {name: version(name) for name in ("numba", "embreex", "Pillow", "OpenEXR")} | {library: "0.1"}
-        monkeypatch.setattr(
-            importlib.metadata, "version", lambda name, others=others: others.get(name) or version(name)
-        )
+        changed.add(library)
         digest_module.program_hash.cache_clear()
-        before.add(digest(scene))
-    monkeypatch.undo()
+        seen.add(digest(scene))
     digest_module.program_hash.cache_clear()
-    assert len(before) == 5
+    assert len(seen) == 5
 
 
 def test_an_overridden_scene_has_the_digest_of_one_that_was_loaded_so(tmp_path):
@@ -187,8 +184,10 @@ def test_what_each_file_holds_counts(folder):
     assert digest(scene_in(folder)) == before
     for _, name in NAMED:
         path = folder.parent / "sky" / "sky.png" if name == "SKY" else folder / name
-        data = path.read_bytes()
-        path.write_bytes(data + b"\n")
+        data, status = path.read_bytes(), path.stat()
+        path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+        # With its time put back.
+        os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
         assert digest(scene_in(folder)) != before, name
         path.write_bytes(data)
     assert digest(scene_in(folder)) == before
@@ -199,17 +198,6 @@ def test_which_picture_of_a_file_counts(tmp_path):
     material = "{type: lambertian, albedo: {type: image, file: 'm.glb#NUMBER'}}"
     texts = (PLAIN.replace("{type: lambertian}", material.replace("NUMBER", number)) for number in "01")
     assert len({digest(build(text, "a.yaml", base=tmp_path)) for text in texts}) == 2
-
-
-def test_what_was_written_over_with_its_time_put_back_counts(folder):
-    before = digest(scene_in(folder))
-    path = folder / "other.png"
-    status = path.stat()
-    data = bytearray(path.read_bytes())
-    data[-1] ^= 1
-    path.write_bytes(data)
-    os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
-    assert digest(scene_in(folder)) != before
 
 
 def test_what_a_file_is_called_does_not_count_but_which_places_share_it_does(folder):

@@ -110,17 +110,14 @@ def test_rotation_is_orthonormal_keeps_its_axis_and_turns_by_its_angle(axis, ang
     assert np.trace(rotation) == pytest.approx(1.0 + 2.0 * math.cos(math.radians(angle)), abs=4e-15)
 
 
-def test_scale_by_axis_and_identity():
+def test_scale_by_axis_identity_and_matrices():
     assert np.array_equal(transform({"scale": [1, 2, -3]}), np.diag([1.0, 2.0, -3.0, 1.0]))
     assert np.array_equal(matrix_of(None), np.eye(4))
     assert np.array_equal(transform(), np.eye(4))
     assert transform({"scale": [1e-30, 1, 1e30]})[0, 0] == 1e-30
-
-
-@pytest.mark.parametrize("wrap", [lambda rows: rows, lambda rows: {"matrix": rows}])
-def test_matrix_is_taken_as_written(wrap):
     rows = [[1, 2, 0, 4], [0, 1, 0, 5], [0, 0, 2, 6], [0, 0, 0, 1]]
-    assert np.array_equal(matrix_of(checked(Transform, wrap(rows))), np.array(rows, float))
+    for written in (rows, {"matrix": rows}):
+        assert np.array_equal(matrix_of(checked(Transform, written)), np.array(rows, float))
 
 
 @pytest.mark.parametrize(
