@@ -2,72 +2,18 @@
 
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from raytracer.analysis.regression import check
 from raytracer.analysis.regression.reference_file import load_reference
-from raytracer.rendering.render import render
 from tests.analysis.regression.made_up import SCENE, MadeUp
-from tests.small_scenes import scene_text
-
-LIT = scene_text(
-    """
-camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
-environment: {type: constant, radiance: 1}
-objects:
-  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: [0.8, 0.5, 0.3]}}
-  - {type: quad, corner: [-2, -1.2, -3], edges: [[4, 0, 0], [0, 2, 2]], material: {type: lambertian, albedo: 0.5}}
-""",
-    width=48,
-    height=40,
-)
 
 
 @pytest.fixture
 def renders(monkeypatch):
     return MadeUp().install(monkeypatch)
-
-
-def one_tile(picture):
-    picture = picture.copy()
-    picture[16:32, 16:32] *= 0.95
-    return picture
-
-
-FAULTS = {
-    "1 % brighter": lambda picture: 1.01 * picture,
-    "shifted by a pixel": lambda picture: np.roll(picture, 1, axis=0),
-    "two channels swapped": lambda picture: picture[..., [0, 2, 1]],
-    "one wrong tile": one_tile,
-}
-
-
-def test_planted_faults_are_found(here, monkeypatch, rt):
-    (here / "ball.yaml").write_text(LIT, encoding="utf-8")
-    rt("reference ball.yaml --threads 2 --spp 2048")
-    assert re.match(
-        r"ball: passed: no difference beyond .* \(256 spp, which find 0\.\d+ % more or less light, and .* px\)",
-        rt("check references --threads 2").out,
-    )
-    assert not (here / "outputs").exists()
-
-    # As a program would render it that is wrong.
-    for number, change in enumerate(FAULTS.values()):
-
-        def wrong(*given, change=change, **settings):
-            rendered = render(*given, **settings)
-            image = replace(
-                rendered.image, radiance=change(rendered.image.radiance), variance=change(rendered.image.variance)
-            )
-            return rendered._replace(image=image)
-
-        monkeypatch.setattr(check, "render", wrong)
-        found = rt(f"check references --threads 2 --seed {number}", status=1).out
-        assert found.startswith("ball: FAILED: ")
-        assert (here / "outputs" / "check.html").exists()
 
 
 def test_a_reference_knows_how_it_was_rendered_and_is_rendered_anew_so(here, renders, rt):
@@ -98,8 +44,11 @@ def referenced(here, renders, rt):
 
 
 def test_every_reference_gets_its_line_and_the_worst_is_the_status(referenced, here, renders, rt):
-    lines = rt("check references cube ball").out.splitlines()
-    assert [line.partition(":")[0] for line in lines] == ["ball", "cube"]
+    ball, cube = rt("check references cube ball").out.splitlines()
+    passed = r"ball: passed: no difference beyond .* \(\d+ spp, which find \d+\.\d+ % more or less light, and .* px\)"
+    assert re.match(passed, ball)
+    assert cube.startswith("cube: passed")
+    assert not (here / "outputs").exists()
 
     renders.change = lambda picture: 1.1 * picture
     (here / "cube.yaml").unlink()

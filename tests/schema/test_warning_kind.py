@@ -1,7 +1,6 @@
 """Kinds of warnings: found by looking, in order, and complete."""
 
 import string
-import sys
 
 import pytest
 
@@ -23,25 +22,13 @@ class {name}(WarningKind):
 KINDS = all_warning_kinds()
 
 
-@pytest.fixture
-def package(tmp_path, monkeypatch):
-    """An empty package `oddities` that can be imported."""
-    folder = tmp_path / "oddities"
-    folder.mkdir()
-    (folder / "__init__.py").touch()
-    monkeypatch.syspath_prepend(tmp_path)
-    yield folder
-    for module in [name for name in sys.modules if name.split(".")[0] == "oddities"]:
-        del sys.modules[module]
-
-
 def test_a_new_file_is_a_new_kind(package):
     (package / "ant.py").write_text(KIND.format(name="Ant", rank=2))
     (package / "zebra.py").write_text(KIND.format(name="Zebra", rank=1))
-    (package / "borrower.py").write_text("from oddities.ant import Ant\n")
+    (package / "borrower.py").write_text("from things.ant import Ant\n")
     (package / "base").mkdir()
     (package / "base" / "__init__.py").write_text(KIND.format(name="Base", rank=3))
-    family = WarningFamily[float]("oddities")
+    family = WarningFamily[float]("things")
     assert family.find(5.0) == []
     assert family.find(12.0) == [
         WarningRecord("Zebras", ("here",), "12 is large: take 1"),
