@@ -55,16 +55,9 @@ def test_a_filter_is_a_name_or_a_mapping():
 
 def test_defaults():
     result = scene()
-    assert result.render.model_dump() == {
-        "spp": 64,
-        "max_depth": 50,
-        "sampler": "sobol",
-        "accuracy": "exact",
-        "seed": 0,
-        "rr_depth": 5,
-        "light_sampling": "mis",
-        "clamp": None,
-    }
+    sampling = {"spp": 64, "sampler": "sobol", "accuracy": "exact", "seed": 0, "clamp": None}
+    paths = {"max_depth": 50, "rr_depth": 5, "light_sampling": "mis"}
+    assert result.render.model_dump() == sampling | paths
     assert result.environment is None
     assert result.film.filter.type == "box"
 

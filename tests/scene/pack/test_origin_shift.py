@@ -157,8 +157,7 @@ def test_explain_says_where():
 
 def test_focusing_finds_what_is_seen_far_away():
     text = view(more=", focus_at: [0.5, 0.5], aperture: 20").replace("pinhole", "thin_lens")
-    distance = packed_scene(text + ball()).spec.camera
-    assert distance.focus_distance == pytest.approx(np.sqrt(17.0) - 1.0, rel=1e-6)
+    assert packed_scene(text + ball()).spec.camera.focus_distance == pytest.approx(np.sqrt(17.0) - 1.0, rel=1e-6)
 
 
 # ---- What is moved: every kind
@@ -177,23 +176,18 @@ def test_every_camera_moves_with_the_world(keys):
     np.testing.assert_array_equal(same, weights)
 
 
-@pytest.mark.parametrize(
-    "motion",
-    [
-        {"velocity": [1, 2, 3]},
-        {"spin": {"axis": [1, 2, 3], "rate": 90, "center": [1, 0, 2]}, "velocity": [0, 1, 0]},
-        {
-            "keyframes": [
-                {"time": 0, "transform": []},
-                {"time": 1, "transform": [{"rotate": {"axis": [0, 1, 0], "angle": 70}}]},
-            ]
-        },
-    ],
-)
+TURNED = {"rotate": {"axis": [0, 1, 0], "angle": 70}}
+MOTIONS = [
+    {"velocity": [1, 2, 3]},
+    {"spin": {"axis": [1, 2, 3], "rate": 90, "center": [1, 0, 2]}, "velocity": [0, 1, 0]},
+    {"keyframes": [{"time": 0, "transform": []}, {"time": 1, "transform": [TURNED]}]},
+]
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
 def test_moving_cameras_move_with_the_world(motion):
-    own = pack_camera(
-        camera(look_from=[0, 1, 4], look_at=[0, 1, 0], shutter={"open": 0, "close": 1}, motion=motion), 4, 3
-    )
+    exposed = camera(look_from=[0, 1, 4], look_at=[0, 1, 0], shutter={"open": 0, "close": 1}, motion=motion)
+    own = pack_camera(exposed, 4, 3)
     assert isinstance(own, MovingCamera)
     other = moved_camera(own, BY)
     for time in np.linspace(0.0, 1.0, 9):
@@ -232,15 +226,12 @@ def test_every_medium_moves_with_the_world(kind):
     other = moved_media(own, BY)
     start, way = (0.25, 0.5, -3.0), (0.0, 0.0, 1.0)
     there = tuple(float(x + y) for x, y in zip(start, BY, strict=True))
-    here = fly_many(own, 500, origin=start, direction=way, distance=5.0)
-    found = fly_many(other, 500, origin=there, direction=way, distance=5.0)
+    flights = [(own, {"origin": start}), (other, {"origin": there})]
+    here, found = (fly_many(table, 500, **place, direction=way, distance=5.0) for table, place in flights)
     np.testing.assert_allclose(found[0], here[0], rtol=1e-7)
     np.testing.assert_array_equal(found[1], here[1])
-    through = [
-        transmittance_many(table, 500, origin=place, direction=way, distance=5.0)
-        for table, place in ((own, start), (other, there))
-    ]
-    np.testing.assert_allclose(through[1], through[0], rtol=1e-6)
+    one, other = (transmittance_many(table, 500, **place, direction=way, distance=5.0) for table, place in flights)
+    np.testing.assert_allclose(other, one, rtol=1e-6)
 
 
 # ---- As it was written

@@ -20,6 +20,7 @@ from raytracer.scene.warnings.base.kind import MAX_PER_KIND
 from raytracer.scene.warnings.base.primitive_points import coordinate_extents, outline
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.util.errors import InputError, StrictError
+from tests.scene.assets.test_meshes import obj_text
 
 ROOT = Path(__file__).parents[3]
 
@@ -224,8 +225,7 @@ def test_glass_in_water_that_groups_and_meshes_hold(tmp_path):
 
 
 def obj(path, vertices, faces):
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, float).tolist()]
-    path.write_text("\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in (np.asarray(faces) + 1).tolist())]) + "\n")
+    path.write_bytes(obj_text(faces, vertices))
 
 
 def test_triangles_without_an_area_are_counted(tmp_path):
@@ -257,7 +257,7 @@ def test_slivers_with_neighbours_are_no_concern(tmp_path):
     caps = [(there, here, np.full(count, 2 * count)), (here + count, there + count, np.full(count, 2 * count + 1))]
     faces = np.concatenate([np.column_stack(part) for part in (*sides, *caps)])
     vertices = np.concatenate([circle, circle + np.eye(3)[0], ends])
-    obj(tmp_path / "wire.obj", vertices, faces)
+    obj(tmp_path / "wire.obj", vertices, faces.tolist())
     assert found({"type": "mesh", "file": "wire.obj"}, base=tmp_path) == []
     # Every second side left out, the others are ribbons.
     obj(tmp_path / "ribbons.obj", vertices, [face for face in faces.tolist() if min(face) % 2])
