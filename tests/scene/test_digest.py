@@ -172,13 +172,6 @@ def test_the_program_and_the_libraries_that_compute_and_read_files_count(monkeyp
     assert len(seen) == 5
 
 
-def test_an_overridden_scene_has_the_digest_of_one_that_was_loaded_so(tmp_path):
-    scene = build(PLAIN, "a.yaml")
-    digest(scene)
-    for overrides in ({"camera.vfov": 20}, {"objects.ball.radius": 2}, {"objects.ball.radius": 3}):
-        assert digest(scene.replace(overrides)) == digest(build(PLAIN, "a.yaml", overrides))
-
-
 def test_what_each_file_holds_counts(folder):
     before = digest(scene_in(folder))
     assert digest(scene_in(folder)) == before

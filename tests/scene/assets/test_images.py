@@ -74,11 +74,3 @@ def test_colours_are_decoded_from_srgb_and_transparency_is_not():
     np.testing.assert_allclose(linear[..., :3], srgb.decode(BYTES[..., :3] / 255), atol=1e-7)
     np.testing.assert_allclose(linear[..., 3], BYTES[..., 3] / 255, atol=1e-7)
     np.testing.assert_allclose(image.linear(False), BYTES / 255, atol=1e-7)
-
-
-def test_sizes_are_judged_before_pixels_are_decoded(monkeypatch):
-    monkeypatch.setattr("raytracer.film.formats.base.image_format.MAX_PIXELS", 14)
-    with pytest.raises(ValueError, match="is 5 x 3 pixels, and at most 14 are read"):
-        decode_image(encoded(BYTES), ".png")
-    # Pillow keeps its own limit for others.
-    assert PIL.Image.MAX_IMAGE_PIXELS is not None

@@ -35,13 +35,6 @@ def table_bytes(found):
 # ---- What is packed
 
 
-def test_a_scene_without_instances_has_none():
-    found = packed("objects:\n  - {type: sphere, center: [0, 0, 0], radius: 1, transform: [{scale: -2}]}\n")
-    assert found.scene.instances is None
-    assert found.scene.shutter is None
-    assert (found.objects.groups, found.objects.placements) == ([], [])
-
-
 GROVE = """
 groups:
   leaf:
@@ -126,6 +119,7 @@ def test_what_turns_is_an_instance_and_what_goes_straight_is_not():
     np.testing.assert_allclose(moved, [0.0, 1.0, 0.0], atol=1e-12)
     still = packed(text.replace("MOTION", "{spin: {axis: [0, 0, 1], rate: 0}}"))
     assert still.scene.instances is None
+    assert (still.objects.groups, still.objects.placements) == ([], [])
     assert still.scene.shutter is None
 
 
