@@ -349,10 +349,13 @@ def test_groups_are_in_groups_to_a_depth():
 
 
 def test_groups_that_double_are_refused_before_they_are_written_out(monkeypatch):
-    # 4096 of the first; placed 5000 times, that is too many.
-    scatter = "scatter, of: g12, count: 5000, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 0, 1]]"
+    # 131,072 of the first; placed 1000 times, that is too many.
+    places = "placements: [[], [{scale: 2}]]"
+    groups = "".join(f"  g{i}: [{{type: instance, of: g{i - 1}, {places}}}]\n" for i in range(1, 18))
+    scatter = "scatter, of: g17, count: 1000, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 0, 1]]"
+    ball = "groups:\n  g0: [{type: sphere, center: [0, 0, 0], radius: 1}]\n"
     with pytest.raises(SceneError, match="16,777,216 are possible"):
-        packed(nested(12, copies=2).replace("instance, of: g12}]", scatter + "}]"))
+        packed(f"{ball}{groups}objects: [{{type: {scatter}}}]\n")
     monkeypatch.setattr("raytracer.scene.pack.layout._MAX_GROUP_INSTANCES", 1000)
     assert len(poses(packed(nested(8, copies=2)))) == 256
     with pytest.raises(SceneError, match="places groups in groups more than 1,000 times"):
