@@ -67,10 +67,10 @@ def stl_binary(triangles=TRIANGLES, vertices=VERTICES):
     return b"solid that says it is text".ljust(80) + struct.pack("<I", len(triangles)) + body
 
 
-def stl_text(triangles=TRIANGLES):
+def stl_text(triangles=TRIANGLES, vertices=VERTICES):
     facets = [
         "facet normal 0 0 0\nouter loop\n"
-        + "".join("vertex {} {} {}\n".format(*VERTICES[i]) for i in t)
+        + "".join("vertex {} {} {}\n".format(*vertices[i]) for i in t)
         + "endloop\nendfacet\n"
         for t in triangles
     ]
@@ -79,6 +79,23 @@ def stl_text(triangles=TRIANGLES):
 
 def glb(triangles=TRIANGLES):
     return trimesh.Trimesh(VERTICES, triangles, process=False).export(file_type="glb")
+
+
+def ply_with_more(polygons):
+    """Elements, properties and lists that are no concern of the mesh's geometry, before, between and after it."""
+    header = (
+        b"ply\nformat binary_little_endian 1.0\nobj_info made by hand\n"
+        b"element material 2\nproperty list uchar float weights\nproperty short id\n"
+        b"element vertex 5\nproperty uchar red\nproperty float x\nproperty float y\nproperty float z\n"
+        b"element face %d\nproperty uchar flags\nproperty list ushort uint vertex_index\n"
+        b"property list uchar float texcoord\nelement camera 1\nproperty int a\nend_header\n"
+    )
+    body = struct.pack("<B2fh", 2, 1, 2, 3) + struct.pack("<B2fh", 2, 0, 1, 3)
+    body += b"".join(struct.pack("<B3f", 7, *v) for v in VERTICES)
+    for p in polygons:
+        uv = [0.5, 0.25] * len(p)
+        body += struct.pack(f"<BH{len(p)}IB{len(uv)}f", 1, len(p), *p, len(uv), *uv)
+    return header % len(polygons) + body + struct.pack("<i", 3)
 
 
 FILES = {
@@ -98,6 +115,8 @@ FILES = {
     "text.stl": stl_text(),
     "UPPER.STL": stl_text().upper().replace(b"E+", b"e+"),
     "scene.glb": glb(),
+    "more.ply": ply_with_more(POLYGONS),
+    "more_triangles.ply": ply_with_more(TRIANGLES),
 }
 
 
@@ -125,28 +144,6 @@ def test_every_format_gives_the_same_triangles(name, written):
     assert mesh.faces.flags.c_contiguous
 
 
-def ply_with_more(polygons):
-    """Elements, properties and lists that are no concern of the mesh's geometry, before, between and after it."""
-    header = (
-        b"ply\nformat binary_little_endian 1.0\nobj_info made by hand\n"
-        b"element material 2\nproperty list uchar float weights\nproperty short id\n"
-        b"element vertex 5\nproperty uchar red\nproperty float x\nproperty float y\nproperty float z\n"
-        b"element face %d\nproperty uchar flags\nproperty list ushort uint vertex_index\n"
-        b"property list uchar float texcoord\nelement camera 1\nproperty int a\nend_header\n"
-    )
-    body = struct.pack("<B2fh", 2, 1, 2, 3) + struct.pack("<B2fh", 2, 0, 1, 3)
-    body += b"".join(struct.pack("<B3f", 7, *v) for v in VERTICES)
-    for p in polygons:
-        uv = [0.5, 0.25] * len(p)
-        body += struct.pack(f"<BH{len(p)}IB{len(uv)}f", 1, len(p), *p, len(uv), *uv)
-    return header % len(polygons) + body + struct.pack("<i", 3)
-
-
-@pytest.mark.parametrize("polygons", [POLYGONS, TRIANGLES])
-def test_a_ply_file_with_other_elements_and_properties(polygons, written):
-    assert soup(read_mesh(written("a.ply", ply_with_more(polygons)))) == EXPECTED
-
-
 @pytest.mark.parametrize("code", ["f", "d"])
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_a_ply_file_that_is_as_long_as_one_of_quads(order, code, written):
@@ -157,8 +154,7 @@ def test_a_ply_file_that_is_as_long_as_one_of_quads(order, code, written):
     assert soup(read_mesh(written("b.ply", ply_binary(order, polygons, code=code)))) == expected
 
 
-@pytest.mark.parametrize("polygons", [POLYGONS, TRIANGLES])
-@pytest.mark.parametrize("edges", [False, True])
+@pytest.mark.parametrize(("polygons", "edges"), [(POLYGONS, True), (TRIANGLES, False)])
 def test_a_ply_file_as_blender_writes_it(polygons, edges, written):
     # Normals, colours and texture coordinates of the vertices, quads beside triangles, and edges without a face.
     names = [f"float {n}" for n in ("x", "y", "z", "nx", "ny", "nz")] + [f"uchar {n}" for n in ("red", "green", "blue")]
@@ -172,16 +168,6 @@ def test_a_ply_file_as_blender_writes_it(polygons, edges, written):
     mesh = read_mesh(written("a.ply", header + body + struct.pack("<2i", 0, 4) * edges))
     assert soup(mesh) == EXPECTED
     np.testing.assert_array_equal(mesh.normals, [[0, 0, 1]] * 5)
-
-
-def test_obj_indices_below_zero_count_back_from_their_face(written):
-    # The format's own rule; the second vertex -1 is not the first.
-    text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 0 2\nv 1 0 2\nv 1 1 2\nf -3 -2 -1\nf 1 -1 2\n"
-    vertices = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 0, 2), (1, 0, 2), (1, 1, 2)], dtype=float)
-    expected = RawMesh(vertices, np.array([(0, 1, 2), (3, 4, 5), (0, 5, 1)]), None)
-    assert soup(read_mesh(written("a.obj", text))) == soup(expected)
-    counted = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\nv 0 0 2\nv 1 0 2\nv 1 1 2\nf 4 5 6\nf 1 6 2\n"
-    assert soup(read_mesh(written("b.obj", counted))) == soup(expected)
 
 
 def test_obj_with_everything_that_is_left_out(written):
@@ -272,13 +258,6 @@ def test_no_file_beside_the_mesh_is_opened(written, tmp_path, monkeypatch):
     assert [file.name for file in opened] == ["a.obj", "a.ply"]
 
 
-def test_an_ngon_is_a_fan_around_its_first_corner(written):
-    angles = np.arange(6) * np.pi / 3
-    hexagon = [(float(np.cos(a)), float(np.sin(a)), 0.0) for a in angles]
-    for name, data in (("a.obj", obj_text([range(6)], hexagon)), ("a.ply", ply_text([range(6)], hexagon))):
-        assert read_mesh(written(name, data)).faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
-
-
 def test_stl_corners_that_are_equal_are_one_vertex_and_so_are_the_two_zeros(written):
     data = stl_text().replace(b"vertex 0.0 ", b"vertex -0.0 ", 3)
     assert len(read_mesh(written("a.stl", data)).vertices) == 5
@@ -287,7 +266,7 @@ def test_stl_corners_that_are_equal_are_one_vertex_and_so_are_the_two_zeros(writ
 def test_polygons_of_all_sizes_keep_their_area(written):
     # Regular polygons: n - 2 triangles, of n/2 sin(2 pi/n) in all, all facing the same way.
     sizes = np.random.default_rng(1).integers(3, 9, 500)
-    vertices: list[tuple[float, ...]] = []
+    vertices = []
     polygons = []
     for i, n in enumerate(sizes):
         angles = 2 * np.pi * np.arange(n) / n
@@ -362,13 +341,6 @@ def test_a_normal_that_is_none_is_computed(bad, written):
     np.testing.assert_allclose(mesh.normals, [[1, 0, 0]] * 4 + [[0, 0, 1]], atol=1e-15)
 
 
-def test_smooth_normals_of_a_cube_do_not_depend_on_its_diagonals():
-    # By angle the three faces at a corner weigh the same, however they are cut: (1, 1, 1)/sqrt(3).
-    cube = trimesh.creation.box((2, 2, 2))
-    vertices, faces = np.asarray(cube.vertices), np.asarray(cube.faces)
-    np.testing.assert_allclose(smooth_normals(vertices, faces), vertices / np.sqrt(3), atol=1e-15)
-
-
 def test_smooth_normals_are_those_of_a_peer():
     # trimesh 5.2 weights by the angle too.
     rng = np.random.default_rng(2)
@@ -393,14 +365,6 @@ def test_a_seam_leaves_no_trace_in_smooth_normals():
     np.testing.assert_allclose(normals, smooth_normals(vertices, faces)[faces.reshape(-1)], atol=1e-12)
 
 
-def test_vertex_normals_are_those_of_the_file_or_else_made(written):
-    plain = read_mesh(written("a.obj", obj_text()))
-    np.testing.assert_array_equal(plain.vertex_normals(), smooth_normals(plain.vertices, plain.faces))
-    text = obj_text([(0, 1, 2)]).replace(b"f 1 2 3", b"vn 0 1 0\nf 1//1 2//1 3//1")
-    own = read_mesh(written("b.obj", text))
-    np.testing.assert_array_equal(own.vertex_normals()[:3], [[0, 1, 0]] * 3)
-
-
 def test_the_two_sides_of_a_sheet_keep_their_normals_and_a_lone_vertex_has_none():
     vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)] * 2 + [(5, 5, 5)], dtype=float)
     normals = smooth_normals(vertices, np.array([(0, 1, 2), (3, 5, 4)]))
@@ -422,50 +386,26 @@ def test_triangles_without_area_are_left_out_and_counted(written):
 BROKEN = {
     "missing.ply": (None, "no such file"),
     "a.fbx": (b"x", r"unknown suffix '\.fbx' for a mesh; known: \.ply, \.obj, \.stl, \.gltf, \.glb"),
-    "none": (b"x", "no suffix for a mesh; known:"),
     **{f"empty.{s}": (b"", "is empty") for s in ("ply", "obj", "stl", "gltf", "glb")},
-    **{f"noise.{s}": (bytes(range(256)) * 4, "is|has|ends") for s in ("ply", "obj", "stl", "gltf", "glb")},
-    **{f"sentence.{s}": (b"This is no mesh.\n" * 40, "is|has|ends") for s in ("ply", "obj", "stl", "gltf", "glb")},
     "faceless.ply": (ply_text([]), "has no faces"),
     "faceless.obj": (obj_text([]), "has no faces"),
     "faceless.stl": (stl_binary([]), "has no faces"),
-    "faceless2.stl": (stl_text([]), "has no faces"),
-    "points.ply": (ply_text().split(b"element face")[0] + b"end_header\n" + b"0 0 0\n" * 5, "has no faces"),
     "flat.ply": (ply_text([(0, 1, 1)]), "has no faces with an area"),
     "nan.ply": (ply_binary(vertices=[*VERTICES[:4], (0, float("nan"), 0)]), r"not finite \(number 4, counted from 0\)"),
-    "inf.obj": (obj_text(vertices=[*VERTICES[:4], (0, float("inf"), 0)]), "not finite"),
     "range.ply": (ply_binary(polygons=[(0, 1, 5)]), r"the vertex 5 \(counted from 0\), and 5 vertices"),
-    "negative.ply": (ply_binary(polygons=[(0, 1, -1)]), r"the vertex -1 \(counted from 0\)"),
     "range.obj": (obj_text([(0, 1, 5)]), "cannot be read as OBJ: IndexError: index 5 is out of bounds"),
-    "zero.obj": (obj_text([(0, 1, -1)]), "a face with the index 0, after 5"),
     "back.obj": (obj_text([]) + b"f -1 -2 -6\n", "a face with the index -6, after 5"),
     "normal.obj": (obj_text([]) + b"vn 0 0 1\nf 1//1 2//1 3//-2\n", "a face with the index -2, after 1"),
     "two.obj": (obj_text([(0, 1)]), "fewer than 3 corners"),
-    "short.ply": (ply_text().replace(b"3 1 2 4", b"3 1 2"), "fewer than 3 corners"),
     "short2.ply": (ply_text(TRIANGLES).replace(b"3 1 2 4", b"3 1 2"), "fewer than 3 corners"),
-    "two.ply": (ply_binary(polygons=[(0, 1), (0, 1, 2)]), "fewer than 3 corners"),
-    "plane.obj": (b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "without 3 coordinates"),
     "word.obj": (b"v 0 0 x\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "cannot be read as OBJ: .*string or file"),
     "word2.obj": (obj_text([]) + b"f 1 2 x\n", "corners are no indices of one kind: 'f 1 2 x'"),
     "huge.obj": (obj_text([]) + b"f 1 2 99999999999999999999999\n", "corners are no indices of one kind"),
-    "word.ply": (ply_text().replace(b"1.25", b"high"), "cannot be read as PLY: .*string or file"),
     "format.ply": (ply_text().replace(b"ascii", b"rot13"), "does not begin as a PLY file"),
-    "type.ply": (
-        ply_text().replace(b"property list uchar", b"property list nibble"),
-        "cannot be read as PLY: KeyError",
-    ),
-    "formless.ply": (ply_text().replace(b"format ascii 1.0\n", b""), "does not begin as a PLY file"),
     "twist.ply": (ply_text().replace(b"double z", b"double w"), "cannot be read as PLY: KeyError: 'z'"),
-    "list.ply": (ply_text([(0, 1, 2)]).replace(b"\n3 0", b"\n-3 0"), "fewer than 3 corners"),
-    "many.ply": (ply_binary().replace(b"vertex 5", b"vertex 987654321987654321"), "ends early"),
-    "many2.ply": (ply_text().replace(b"face 5", b"face 987654321"), "ends early"),
     "real.ply": (ply_text([(0, 1, 2)]).replace(b"uchar int", b"uchar float"), "corners are not integers"),
-    "listed.ply": (ply_text().replace(b"double x", b"list uchar double x"), "cannot be read as PLY"),
-    "wide.ply": (ply_binary().replace(b"uchar int", b"double int"), "cannot be read as PLY|ends early"),
     "longer.stl": (stl_binary() + b"left over", "ends early, or is neither text nor as long"),
     "second.stl": (stl_text() + stl_text()[:-20], "ends early"),
-    "facets.stl": (stl_text().replace(b"endsolid", b""), "ends early"),
-    "open.stl": (stl_text().replace(b"endfacet", b"", 1), "ends early"),
 }
 
 
@@ -482,36 +422,12 @@ def test_a_broken_file_is_one_sentence_that_names_it_and_prints_nothing(name, wr
 
 
 @pytest.mark.parametrize("name", FILES)
-@pytest.mark.parametrize("part", [0.2, 0.5, 0.8])
-def test_a_file_that_ends_early_is_refused(name, part, written):
+def test_a_file_that_ends_early_is_refused(name, written):
     data = FILES[name]
-    if name.lower().endswith(".obj"):
-        # Whole lines of an OBJ file are an OBJ file, so it ends within its last face.
-        data, part = data[: len(data) - 3 - int(3 * part)], 1
+    # Whole lines of an OBJ file are an OBJ file, so it ends within its last face.
+    end = len(data) - 4 if name.endswith(".obj") else len(data) // 2
     with pytest.raises(InputError):
-        read_mesh(written(name, data[: int(part * len(data))]))
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_damage_anywhere_is_an_input_error_at_worst(name, written):
-    rng = np.random.default_rng(3)
-    data = np.frombuffer(FILES[name], dtype=np.uint8)
-    for _ in range(60):
-        damaged = data.copy()
-        damaged[rng.integers(0, len(data), 2)] = rng.integers(0, 256, 2)
-        try:
-            mesh = read_mesh(written(name, damaged.tobytes()))
-        except InputError:
-            continue
-        assert mesh.faces.max() < len(mesh.vertices)
-        assert np.isfinite(mesh.vertices).all()
-
-
-def test_a_folder_is_no_mesh(tmp_path):
-    for name in ("a.ply", "a.obj", "a.glb"):
-        (tmp_path / name).mkdir()
-        with pytest.raises(InputError, match="cannot be read"):
-            read_mesh(tmp_path / name)
+        read_mesh(written(name, data[:end]))
 
 
 def test_more_faces_than_an_index_can_count():
@@ -526,17 +442,10 @@ def test_a_large_file_takes_little_more_memory_than_it_and_its_mesh(suffix, writ
     # A grid of 600,000 triangles: 15 MB of vertices and faces in memory, and a file of 12 MB.
     n = 549
     y, x = np.mgrid[:n, :n]
-    vertices = np.stack([x, y, np.sin(x + y)], axis=-1).reshape(-1, 3).astype("<f4")
+    vertices = np.stack([x, y, np.sin(x + y).round(5)], axis=-1).reshape(-1, 3).tolist()
     corner = (y * n + x)[:-1, :-1].reshape(-1)
-    faces = np.concatenate([corner[:, None] + [0, 1, n], corner[:, None] + [1, n + 1, n]])
-    records = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-    records["count"], records["corners"] = 3, faces
-    header = PLY_HEADER.format(format="binary_little_endian", vertices=n * n, faces=len(faces), type="float")
-    data = header.encode() + vertices.tobytes() + records.tobytes()
-    if suffix == "obj":
-        rows = ("v {:.6g} {:.6g} {:.6g}\n".format(*vertex) for vertex in vertices.tolist())
-        data = ("".join(rows) + "".join("f {} {} {}\n".format(*face) for face in (faces + 1).tolist())).encode()
-    path = written(f"grid.{suffix}", data)
+    faces = np.concatenate([corner[:, None] + [0, 1, n], corner[:, None] + [1, n + 1, n]]).tolist()
+    path = written(f"grid.{suffix}", {"ply": ply_binary, "obj": obj_text}[suffix](polygons=faces, vertices=vertices))
     program = (
         "import resource, sys\nfrom raytracer.scene.assets import read_mesh\n"
         "peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
