@@ -17,7 +17,7 @@ SHAPE = (24, 32, 3)
 QUICK = ("mae", "mse", "psnr")
 
 
-def render(seed: int, gain: float = 1.0, spp: int = 64, **settings: str | float) -> Image:
+def render(seed, gain=1.0, spp=64, **settings):
     """An image with normal noise that knows its variance."""
     rng = np.random.default_rng(seed)
     scene = gain * np.linspace(0.2, 0.9, 32)[:, None] * np.array([1.0, 0.7, 0.4]) * np.ones(SHAPE)

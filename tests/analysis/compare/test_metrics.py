@@ -135,7 +135,7 @@ def test_what_is_not_a_number_is_not_hidden(display):
 
 
 def test_bands_are_kept_in_order_and_cover_everything():
-    def slow_first(top: int, bottom: int) -> tuple[int, int]:
+    def slow_first(top, bottom):
         time.sleep(0.02 if top == 0 else 0.0)
         return top, bottom
 

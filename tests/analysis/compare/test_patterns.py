@@ -96,7 +96,6 @@ def test_what_hides_in_the_variances_of_stratified_samples_is_found():
     assert before > 0.1
     assert verdict.pattern_p < 1e-4
     amount = re.fullmatch(r"the whole is shifted to the right by ([.\d]+) px, z = [.\d]+", verdict.reason)
-    assert amount is not None
     assert float(amount[1]) == pytest.approx(0.25, abs=0.1)
 
 

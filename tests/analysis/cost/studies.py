@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -18,11 +17,11 @@ EVIL = "<b>&\"'[red]$x^2$</script>"
 LINEAR, STEEP = 0.13, 0.11
 
 
-def around(value: float, by: float = 0.03) -> Interval:
+def around(value, by=0.03):
     return Interval(value, value * (1.0 - by), value * (1.0 + by))
 
 
-def predicted(**changes: Any) -> Prediction:
+def predicted(**changes):
     """Of a picture that takes 0.3 s and 10 ms a sample, with MSE = 0.13 / N + 0.11 / N^1.5."""
     points = tuple(
         ConvergencePoint(n, 0.3 + 0.01 * n, around(math.sqrt(LINEAR / n + STEEP / n**1.5), 0.02)) for n in (16, 64, 256)
@@ -50,7 +49,7 @@ def predicted(**changes: Any) -> Prediction:
     return replace(made, **changes)
 
 
-def variants() -> tuple[VariantResult, ...]:
+def variants():
     scene = VariantResult(
         "scene",
         "scene",
@@ -137,7 +136,7 @@ MACHINE = {
 }
 
 
-def measured(width: int, height: int, part: float) -> tuple[np.ndarray, np.ndarray]:
+def measured(width, height, part):
     """An error map and a picture of which about that part of the tiles is there."""
     rng = np.random.default_rng(1)
     rows, columns = -(-height // 16), -(-width // 16)
@@ -151,7 +150,7 @@ def measured(width: int, height: int, part: float) -> tuple[np.ndarray, np.ndarr
     return np.where(there, error, NAN), np.where(there[..., None], picture, NAN)
 
 
-def study(width: int = 400, height: int = 225, part: float = 0.3, **changes: Any) -> Study:
+def study(width=400, height=225, part=0.3, **changes):
     error_map, picture = measured(width, height, part)
     tiles = -(-height // 16) * -(-width // 16)
     made = Study(
@@ -180,7 +179,7 @@ NO_PREDICTION = predicted(
 )  # fmt: skip
 
 
-def nothing() -> Study:
+def nothing():
     """Of a scene about which nothing could be found out."""
     return study(
         plan=(),
@@ -195,7 +194,7 @@ def nothing() -> Study:
     )
 
 
-def black() -> Study:
+def black():
     """Of a black picture, to which no error is relative."""
     points = tuple(ConvergencePoint(n, 0.01 * n, UNKNOWN) for n in (16, 64))
     return study(
@@ -214,7 +213,7 @@ def black() -> Study:
     )
 
 
-def still() -> Study:
+def still():
     """Of a picture without any noise."""
     points = tuple(ConvergencePoint(n, 0.01 * n, Interval(0.0, 0.0, 0.0)) for n in (16, 64))
     return study(
@@ -223,7 +222,7 @@ def still() -> Study:
     )
 
 
-def hopeless() -> Study:
+def hopeless():
     """With a target that is out of reach, and a budget that buys nothing."""
     return study(
         prediction=predicted(

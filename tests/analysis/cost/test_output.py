@@ -21,7 +21,7 @@ from PIL import Image
 from raytracer.analysis.cost import formatting, plots
 from raytracer.analysis.cost.export import convergence_csv, to_csv, to_json
 from raytracer.analysis.cost.page import check_report, page, write_report
-from raytracer.analysis.cost.results import UNKNOWN, ConvergencePoint, PlanItem, Study
+from raytracer.analysis.cost.results import UNKNOWN, ConvergencePoint, PlanItem
 from raytracer.analysis.cost.text import study_text
 from raytracer.core.error_estimate.intervals import Interval
 from raytracer.util.errors import InputError, OutputError
@@ -31,14 +31,14 @@ INF, NAN = math.inf, math.nan
 
 
 @pytest.fixture(params=studies.ALL)
-def study(request: pytest.FixtureRequest) -> Study:
+def study(request):
     return studies.ALL[request.param]()
 
 
 # ---- words
 
 
-def test_bias_too_small_to_matter_is_not_told_in_digits() -> None:
+def test_bias_too_small_to_matter_is_not_told_in_digits():
     variant = studies.variants()[2]
     assert formatting.format_bias(replace(variant, bias=Interval(8e-7, 5e-7, 1.2e-6))) == "< 0.001 %"
     assert (
@@ -47,7 +47,7 @@ def test_bias_too_small_to_matter_is_not_told_in_digits() -> None:
     )
 
 
-def test_kinds_of_a_family_with_one_reason_are_told_together() -> None:
+def test_kinds_of_a_family_with_one_reason_are_told_together():
     items = [("media", "none"), ("passage", "none"), ("shape.box", "0"), ("shape.disc", "0"), ("shape.quad", "2")]
     plan = tuple(PlanItem("left out", name, why) for name, why in [*items, ("light.sun", "0")])
     assert formatting.plan_sections(studies.study(plan=plan)) == [
@@ -64,7 +64,7 @@ def test_kinds_of_a_family_with_one_reason_are_told_together() -> None:
     ]
 
 
-def test_variants_keep_their_order_within_groups() -> None:
+def test_variants_keep_their_order_within_groups():
     found = [
         (title, [variant.name for variant in variants])
         for title, variants in formatting.group_variants(studies.variants())
@@ -81,7 +81,7 @@ def test_variants_keep_their_order_within_groups() -> None:
 
 
 @pytest.mark.parametrize("width", [60, 100, 160])
-def test_text_is_plain_and_fits(study: Study, width: int) -> None:
+def test_text_is_plain_and_fits(study, width):
     said = study_text(study, width)
     assert said.isascii()
     assert said.endswith("\n")
@@ -91,14 +91,14 @@ def test_text_is_plain_and_fits(study: Study, width: int) -> None:
         assert line.isprintable()
 
 
-def test_text_says_what_was_found() -> None:
+def test_text_says_what_was_found():
     said = study_text(studies.study())
     assert "error of 1 % takes         13.6 s (13.2 .. 14.0); 1,330 (1,290 .. 1,370) spp" in said
     assert "after 60 s the error is    0.470 % (0.456 .. 0.484); 5,970 spp" in said
     assert studies.EVIL in said
     lines = said.splitlines()
 
-    def row(name: str) -> str:
+    def row(name):
         return next(line for line in lines if re.match(rf"\s*{re.escape(name)}\s+(\d|not )", line))
 
     assert re.search(r"10\.0 ms +34\.2 ns +no measurable +the same +not resolved +as the$", row("repeat of the same"))
@@ -118,34 +118,34 @@ def test_text_says_what_was_found() -> None:
         (True, 0, "interrupted before the first round of the variants"),
     ],
 )
-def test_rounds(interrupted: bool, rounds: int, said: str) -> None:
+def test_rounds(interrupted, rounds, said):
     found = studies.study(variants=studies.variants() if rounds else (), interrupted=interrupted, rounds=rounds)
     assert said in study_text(found).splitlines()
     shown = page(replace(found, error_map=np.full((1, 1), NAN), prediction=studies.NO_PREDICTION))
     assert f"{said[1:]}." in shown.decode()
 
 
-def test_colours_only_where_asked_for() -> None:
+def test_colours_only_where_asked_for():
     coloured = study_text(studies.study(), colour=True)
     assert "\x1b[" in coloured
     assert re.sub(r"\x1b\[[0-9;]*m", "", coloured).split() == study_text(studies.study()).split()
 
 
-def test_noise_of_variants_with_different_samples_says_at_how_many() -> None:
+def test_noise_of_variants_with_different_samples_says_at_how_many():
     scene, control, *rest = studies.variants()
     said = study_text(studies.study(variants=(scene, control, replace(rest[0], spp=16))), width=200)
     assert "4.64 % (4.50 .. 4.78) at 64 spp" in said
     assert "4.21 % (4.08 .. 4.34) at 16 spp" in said
 
 
-def test_what_a_terminal_would_act_upon_is_written_out() -> None:
+def test_what_a_terminal_would_act_upon_is_written_out():
     assert "\x1b" not in study_text(studies.study(scene="a\x1b[2Jb.yaml", warnings=("\x1b]0;x\x07",)))
 
 
 # ---- data
 
 
-def test_json_is_strict_and_whole(study: Study) -> None:
+def test_json_is_strict_and_whole(study):
     data = json.loads(json.dumps(to_json(study), allow_nan=False))
     assert data["scene"] == study.scene
     assert data["tiles_measured"] == study.tiles_measured
@@ -154,7 +154,7 @@ def test_json_is_strict_and_whole(study: Study) -> None:
     assert {"error_map", "picture"}.isdisjoint(data)
 
 
-def test_json_keeps_numbers_and_has_null_for_what_is_unknown() -> None:
+def test_json_keeps_numbers_and_has_null_for_what_is_unknown():
     data = to_json(studies.study())
     assert data["arms"][2]["time"] == {"value": 0.839, "low": 0.821, "high": 0.857}
     assert data["arms"][2]["target_seconds"] is None
@@ -165,14 +165,14 @@ def test_json_keeps_numbers_and_has_null_for_what_is_unknown() -> None:
     assert to_json(studies.hopeless())["prediction"]["target_seconds"]["value"] is None
 
 
-def test_json_takes_values_of_numpy() -> None:
+def test_json_takes_values_of_numpy():
     machine = {"threads": np.int64(4), "load": np.float64(NAN), "loads": np.array([1.0, INF]), "path": Path("a")}
     data = to_json(studies.study(machine=machine))["machine"]
     assert data == {"threads": 4, "load": None, "loads": [1.0, None], "path": "a"}
     assert type(data["threads"]) is int
 
 
-def test_csv_has_a_row_for_each_variant(study: Study) -> None:
+def test_csv_has_a_row_for_each_variant(study):
     rows = list(csv.DictReader(io.StringIO(to_csv(study))))
     assert [row["arm"] for row in rows] == [variant.name for variant in study.variants]
     for row, variant in zip(rows, study.variants, strict=True):
@@ -184,7 +184,7 @@ def test_csv_has_a_row_for_each_variant(study: Study) -> None:
         assert row["target_seconds"] == ("" if variant.target_seconds is None else repr(variant.target_seconds))
 
 
-def test_csv_of_the_plot() -> None:
+def test_csv_of_the_plot():
     table = np.genfromtxt(io.StringIO(convergence_csv(studies.study())), delimiter=",", names=True)
     np.testing.assert_array_equal(table["spp"], [16, 64, 256])
     np.testing.assert_array_equal(table["error"], [point.error.value for point in studies.predicted().points])
@@ -193,13 +193,13 @@ def test_csv_of_the_plot() -> None:
 # ---- pictures
 
 
-def _svg_of(study: Study) -> ET.Element | None:
+def _svg_of(study):
     svg = plots.convergence_svg(study)
     return None if svg is None else ET.fromstring(svg)
 
 
 @pytest.mark.parametrize("name", ["nothing", "black", "one tile", "one point", "portrait"])
-def test_plots_are_drawn_where_there_is_something_to_draw(name: str) -> None:
+def test_plots_are_drawn_where_there_is_something_to_draw(name):
     study = studies.ALL[name]()
     shows_error = any(point.error.value > 0.0 for point in study.prediction.points)
     assert (_svg_of(study) is not None) == shows_error
@@ -212,7 +212,7 @@ def test_plots_are_drawn_where_there_is_something_to_draw(name: str) -> None:
             assert min(image.size) > 200
 
 
-def test_plots_are_the_same_each_time() -> None:
+def test_plots_are_the_same_each_time():
     study = studies.study(width=64, height=32)
     assert plots.convergence_svg(study) == plots.convergence_svg(study)
     assert plots.error_map_png(study) == plots.error_map_png(study)
@@ -233,11 +233,11 @@ def test_plots_are_the_same_each_time() -> None:
     ],
     ids=["unknown", "senseless", "wide"],
 )
-def test_plots_take_any_intervals(points: tuple[ConvergencePoint, ...], target: Interval) -> None:
+def test_plots_take_any_intervals(points, target):
     assert _svg_of(studies.study(prediction=studies.predicted(points=points, target_seconds=target))) is not None
 
 
-def test_the_plot_holds_the_measurements_the_target_and_both_slopes() -> None:
+def test_the_plot_holds_the_measurements_the_target_and_both_slopes():
     """Read off the drawing itself, between its axes' limits."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -264,7 +264,7 @@ def test_the_plot_holds_the_measurements_the_target_and_both_slopes() -> None:
         )
 
 
-def test_the_map_of_a_large_picture_is_reduced_by_mean_squares() -> None:
+def test_the_map_of_a_large_picture_is_reduced_by_mean_squares():
     error = np.full((3, 2 * plots._LARGEST_EDGE), NAN)
     error[0, :4] = [3.0, 4.0, 1.0, NAN]
     error[1, :2] = [0.0, 5.0]
@@ -277,7 +277,7 @@ def test_the_map_of_a_large_picture_is_reduced_by_mean_squares() -> None:
     assert plots._downsample(small) is small
 
 
-def test_the_picture_is_transparent_where_nothing_was_rendered() -> None:
+def test_the_picture_is_transparent_where_nothing_was_rendered():
     study = studies.study()
     png = plots.picture_png(study)
     assert png is not None
@@ -296,7 +296,7 @@ class _Page(HTMLParser):
 
     VOID = frozenset({"meta", "br", "img", "link", "input", "hr"})
 
-    def __init__(self, html: str) -> None:
+    def __init__(self, html):
         super().__init__()
         self.open: list[str] = []
         self.tags: list[str] = []
@@ -307,7 +307,7 @@ class _Page(HTMLParser):
         self.feed(html)
         self.close()
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_starttag(self, tag, attrs):
         self.tags.append(tag)
         if tag not in self.VOID:
             self.open.append(tag)
@@ -322,26 +322,26 @@ class _Page(HTMLParser):
         if tag in {"td", "th"}:
             self.rows[-1] += 1
 
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_startendtag(self, tag, attrs):
         self.handle_starttag(tag, attrs)
         if tag not in self.VOID:
             self.open.pop()
 
-    def handle_endtag(self, tag: str) -> None:
+    def handle_endtag(self, tag):
         assert self.open.pop() == tag
 
-    def handle_data(self, data: str) -> None:
+    def handle_data(self, data):
         if self.open and self.open[-1] not in {"style", "script"}:
             self.text.append(data)
 
 
 @functools.cache
-def _page_of(name: str) -> str:
+def _page_of(name):
     return page(studies.ALL[name]()).decode()
 
 
 @pytest.mark.parametrize("name", studies.ALL)
-def test_the_page_is_whole_and_asks_nothing_of_the_network(name: str) -> None:
+def test_the_page_is_whole_and_asks_nothing_of_the_network(name):
     study, html = studies.ALL[name](), _page_of(name)
     found = _Page(html)
     assert found.open == []
@@ -364,7 +364,7 @@ def test_the_page_is_whole_and_asks_nothing_of_the_network(name: str) -> None:
         assert found.rows[-len(study.variants) :] == [10] * len(study.variants)
 
 
-def test_names_of_the_scene_are_text() -> None:
+def test_names_of_the_scene_are_text():
     html = _page_of("usual")
     found = _Page(html)
     assert studies.EVIL not in html
@@ -373,7 +373,7 @@ def test_names_of_the_scene_are_text() -> None:
     assert "&lt;b&gt;" in html
 
 
-def test_the_page_carries_its_data() -> None:
+def test_the_page_carries_its_data():
     study = studies.study()
     found = _Page(_page_of("usual"))
     data = [reference for reference in found.references if re.match("data:(text|application)/", reference)]
@@ -383,7 +383,7 @@ def test_the_page_carries_its_data() -> None:
     assert json.loads(as_json) == json.loads(json.dumps(to_json(study)))
 
 
-def test_ink_of_the_page_is_its_own() -> None:
+def test_ink_of_the_page_is_its_own():
     html = _page_of("usual")
     assert "#010203" not in html
     assert html.count("currentColor") > 50
@@ -394,7 +394,7 @@ def test_ink_of_the_page_is_its_own() -> None:
 
 
 @pytest.mark.parametrize("name", ["usual", "nothing"])
-def test_a_report_is_written_whole(name: str, tmp_path: Path) -> None:
+def test_a_report_is_written_whole(name, tmp_path):
     study = studies.ALL[name]()
     folder = tmp_path / "new" / "report"
     check_report(folder)
@@ -407,7 +407,7 @@ def test_a_report_is_written_whole(name: str, tmp_path: Path) -> None:
         np.testing.assert_array_equal(np.load(folder / "error_map.npy"), study.error_map.astype(np.float32))
 
 
-def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="is a file, and not a folder"):
         check_report(tmp_path / "file")
@@ -420,7 +420,7 @@ def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path: Path
         write_report(studies.nothing(), tmp_path / "file" / "deeper")
 
 
-def test_text_and_data_import_nothing_of_pages() -> None:
+def test_text_and_data_import_nothing_of_pages():
     code = (
         "import sys, raytracer.analysis.cost.text, raytracer.analysis.cost.export; "
         "print({'matplotlib', 'jinja2'} & set(sys.modules))"
@@ -429,7 +429,7 @@ def test_text_and_data_import_nothing_of_pages() -> None:
     assert run.stdout.strip() == "set()"
 
 
-def test_answers_come_first() -> None:
+def test_answers_come_first():
     first, second = study_text(studies.study()).splitlines()[:2]
     assert first.startswith("scenes/")
     assert second.startswith("A relative error of 1 % takes 13.6 s (13.2 .. 14.0), with 1,330 spp. After 60 s the")
@@ -437,7 +437,7 @@ def test_answers_come_first() -> None:
     assert "How long a relative error of 1 % takes could not be told." in said
 
 
-def test_what_is_left_out_is_named_and_the_page_has_the_reasons() -> None:
+def test_what_is_left_out_is_named_and_the_page_has_the_reasons():
     items = [("media", "no medium anywhere"), ("shape.box", "used by nothing"), ("shape.disc", "used by nothing")]
     found = studies.study(plan=tuple(PlanItem("left out", name, why) for name, why in items))
     assert "media; shape box, disc" in " ".join(study_text(found).split())
@@ -445,13 +445,13 @@ def test_what_is_left_out_is_named_and_the_page_has_the_reasons() -> None:
     assert "used by nothing" in page(found).decode()
 
 
-def test_rays_have_a_column_where_there_is_room() -> None:
+def test_rays_have_a_column_where_there_is_room():
     narrow, roomy = (study_text(studies.study(), width=width) for width in (100, 120))
     assert "rays per" not in narrow
     assert re.search(r"^the scene +10\.0 ms +34\.2 ns +2\.70 ", roomy, re.MULTILINE)
 
 
-def test_a_variant_without_bias_by_construction_has_none_in_the_data() -> None:
+def test_a_variant_without_bias_by_construction_has_none_in_the_data():
     control = studies.variants()[1]
     sampler = replace(control, name="sampler=independent", group="sampler", bias=None, unbiased=True)
     assert formatting.format_bias(sampler) == "none"
@@ -460,7 +460,7 @@ def test_a_variant_without_bias_by_construction_has_none_in_the_data() -> None:
     assert [(row["bias"], row["unbiased"]) for row in rows] == [("0.0", "False"), ("", "True")]
 
 
-def test_a_doubt_stands_beside_the_time_that_it_is_about() -> None:
+def test_a_doubt_stands_beside_the_time_that_it_is_about():
     doubtful = replace(studies.variants()[2], target_seconds=20.0, why_blank="its bias may exceed the target")
     study = studies.study(variants=(*studies.variants()[:2], doubtful))
     said = study_text(study, width=160)

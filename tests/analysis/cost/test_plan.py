@@ -11,7 +11,7 @@ from raytracer.scene.render_settings import Render
 SCENES = Path(__file__).parents[3] / "scenes"
 
 
-def test_every_effect_is_in_it_once_with_its_reason() -> None:
+def test_every_effect_is_in_it_once_with_its_reason():
     packed = pack(load(SCENES / "smoke.yaml"))
     effects = effects_of(packed.spec, packed.scene)
     items = plan(packed.spec, packed)
@@ -23,14 +23,14 @@ def test_every_effect_is_in_it_once_with_its_reason() -> None:
     assert len({(item.group, item.name) for item in items}) == len(items)
 
 
-def test_it_says_what_no_variant_can_leave_out() -> None:
+def test_it_says_what_no_variant_can_leave_out():
     packed = pack(load(SCENES / "smoke.yaml"))
     told = {item.name: item.why for item in plan(packed.spec, packed)}
     assert "all the light that there is" in told["material.emitter"]
     assert "no variant" not in told["media"]
 
 
-def test_every_setting_is_told_with_its_value() -> None:
+def test_every_setting_is_told_with_its_value():
     packed = pack(load(SCENES / "cornell.yaml", {"render.spp": 123, "render.sampler": "stratified"}))
     settings = {item.name: item.why for item in plan(packed.spec, packed) if item.group == "setting"}
     assert set(settings) == {*Render.model_fields, "film", "filter"}

@@ -1,7 +1,5 @@
 """How much is measured, and in which order."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,7 +15,6 @@ from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack
 from raytracer.scene.scene_assets import SceneAssets
-from raytracer.scene.spec import SceneSpec
 from tests.analysis.cost.made_up import World, scene_of
 
 LARGE = split_into_tiles(Window(0, 0, 1200, 675))
@@ -26,7 +23,7 @@ SMALL = split_into_tiles(Window(0, 0, 64, 48))
 
 @pytest.mark.parametrize("pace", [1e3, 1e4, 1e5, 1e6, 1e7])
 @pytest.mark.parametrize("windows", [LARGE, SMALL])
-def test_replicates_take_about_the_time_they_may(windows: list[Window], pace: float) -> None:
+def test_replicates_take_about_the_time_they_may(windows, pace):
     size = replicate_workload(windows, 60.0, pace, None)
     assert size.spp & (size.spp - 1) == 0
     seconds = 4 * size.spp * size.tiles * 256 / pace
@@ -35,7 +32,7 @@ def test_replicates_take_about_the_time_they_may(windows: list[Window], pace: fl
     assert seconds > 30.0 or size.tiles == len(windows)
 
 
-def test_a_number_of_tiles_that_is_given_is_kept() -> None:
+def test_a_number_of_tiles_that_is_given_is_kept():
     assert replicate_workload(LARGE, 60.0, 1e6, 7).tiles == 7
     assert replicate_workload(SMALL, 60.0, 1e6, 10**6).tiles == len(SMALL)
     assert round_workload(LARGE, 1.0, 1e9, 7, 90).tiles == 7
@@ -43,7 +40,7 @@ def test_a_number_of_tiles_that_is_given_is_kept() -> None:
 
 @pytest.mark.parametrize("tiles", [None, 500, 3225])
 @pytest.mark.parametrize("turns", [18, 300, 3000, 60_000])
-def test_the_means_of_all_rounds_fit_into_memory(tiles: int | None, turns: int) -> None:
+def test_the_means_of_all_rounds_fit_into_memory(tiles, turns):
     size = round_workload(LARGE, 1.0, 1e9, tiles, turns)
     assert size.tiles >= 1
     # Three channels of 8 bytes.
@@ -52,28 +49,28 @@ def test_the_means_of_all_rounds_fit_into_memory(tiles: int | None, turns: int) 
     assert size.spp == 1024
 
 
-def test_levels_are_powers_of_two_or_of_four() -> None:
+def test_levels_are_powers_of_two_or_of_four():
     assert sample_levels(256, is_progressive=True) == (16, 32, 64, 128, 256)
     assert sample_levels(256, is_progressive=False) == (16, 64, 256)
     assert sample_levels(16, is_progressive=True) == (8, 16)
 
 
-def test_every_variant_is_at_every_place_once() -> None:
+def test_every_variant_is_at_every_place_once():
     square = np.array([variant_order(7, turn) for turn in range(7)])
     for line in (*square, *square.T):
         assert sorted(line) == list(range(7))
 
 
-def test_seeds_differ_by_purpose_and_go_on() -> None:
+def test_seeds_differ_by_purpose_and_go_on():
     assert seeds(1, Purpose.PILOT, 5)[:3] == seeds(1, Purpose.PILOT, 3)
     assert not set(seeds(1, Purpose.PILOT, 5)) & (set(seeds(1, Purpose.ROUND, 5)) | set(seeds(2, Purpose.PILOT, 5)))
 
 
-def test_the_pace_is_that_of_the_whole_picture(tmp_path: Path) -> None:
+def test_the_pace_is_that_of_the_whole_picture(tmp_path):
     world = World(per_sample=1e-5)
     spec = scene_of(tmp_path, 640, 400)
     windows = split_into_tiles(Window(0, 0, 640, 400))
-    subject = Subject(world.prepare(spec, None), world.bench(), 4)  # type: ignore[arg-type]
+    subject = Subject(world.prepare(spec, None), world.bench(), 4)
     assert warm_up(subject, windows, 0) == pytest.approx(4e5 / world.unevenness(windows).mean(), rel=0.1)
     # The first look takes no longer than a look.
     assert sum(count * spp for count, spp, _ in world.calls) * 256 / 4e5 < 3.0
@@ -91,7 +88,7 @@ def test_the_pace_is_that_of_the_whole_picture(tmp_path: Path) -> None:
         (Interval(float("nan"), float("nan"), float("nan")), 0.0, False),
     ],
 )
-def test_a_difference_is_more_than_equal_variants_show(ratio: Interval, floor: float, *, differs: bool) -> None:
+def test_a_difference_is_more_than_equal_variants_show(ratio, floor, *, differs):
     assert _differs(ratio, floor) is differs
 
 
@@ -111,14 +108,14 @@ render: {{accuracy: {accuracy}}}
 """
 
 
-def scene_with(folder: Path, material: str = "metal", accuracy: str = "robust", x: float = 2.0) -> SceneSpec:
+def scene_with(folder, material="metal", accuracy="robust", x=2.0):
     (folder / "ball.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     path = folder / "scene.yaml"
     path.write_text(TRIANGLES.format(material=material, accuracy=accuracy, x=x))
     return load(path)
 
 
-def test_a_ray_caster_does_for_what_differs_in_materials_alone(tmp_path: Path) -> None:
+def test_a_ray_caster_does_for_what_differs_in_materials_alone(tmp_path):
     first = pack(scene_with(tmp_path))
     assert shares_accel(pack(scene_with(tmp_path)), first)
     assert shares_accel(pack(scene_with(tmp_path, material="lambertian")), first)
@@ -126,9 +123,9 @@ def test_a_ray_caster_does_for_what_differs_in_materials_alone(tmp_path: Path) -
     assert not shares_accel(pack(scene_with(tmp_path, x=2.5)), first)
 
 
-def test_variants_share_the_ray_caster_of_the_scene_where_they_can(tmp_path: Path) -> None:
+def test_variants_share_the_ray_caster_of_the_scene_where_they_can(tmp_path):
     spec, world = scene_with(tmp_path), World()
-    scene = Subject(world.prepare(spec, None), world.bench(), 1)  # type: ignore[arg-type]
+    scene = Subject(world.prepare(spec, None), world.bench(), 1)
     windows = split_into_tiles(Window(0, 0, 32, 16))
     shared = {}
     for variant in make_variants(scene.prepared.spec, scene.prepared.packed):
@@ -138,7 +135,7 @@ def test_variants_share_the_ray_caster_of_the_scene_where_they_can(tmp_path: Pat
     assert {"material.metal", "light_sampling=paths", "roulette=off", "A/A"} <= shared.keys()
 
 
-def test_variants_that_are_equal_seldom_seem_to_take_another_time() -> None:
+def test_variants_that_are_equal_seldom_seem_to_take_another_time():
     rng = np.random.default_rng(8)
     times = np.exp(0.02 * rng.standard_normal((2000, 2, 9)))
     # Student's t with 8 degrees of freedom exceeds 3 in 1.7 % of cases.

@@ -17,7 +17,7 @@ WINDOWS = split_into_tiles(Window(0, 0, 330, 200))
 
 
 @pytest.mark.parametrize("count", [1, 5, 40, len(WINDOWS) - 1, len(WINDOWS), 10**6])
-def test_as_many_tiles_as_asked_for(count: int) -> None:
+def test_as_many_tiles_as_asked_for(count):
     size = np.random.default_rng(1).exponential(size=len(WINDOWS))
     for seed in range(20):
         chosen = choose_tiles(WINDOWS, count, np.random.default_rng(seed), size)
@@ -25,14 +25,14 @@ def test_as_many_tiles_as_asked_for(count: int) -> None:
         assert np.all(chosen.weight >= 1.0)
 
 
-def test_chances_are_in_proportion_to_size_and_at_most_one() -> None:
+def test_chances_are_in_proportion_to_size_and_at_most_one():
     size = np.array([100.0, 50.0, 1.0, 2.0, 3.0, 4.0])
     probability = inclusion_probabilities(size, 3)
     # Both large ones are sure, and the last place is shared by the rest.
     np.testing.assert_allclose(probability, [1.0, 1.0, 0.1, 0.2, 0.3, 0.4])
 
 
-def test_weighted_sums_are_those_of_all_tiles_on_average() -> None:
+def test_weighted_sums_are_those_of_all_tiles_on_average():
     rng = np.random.default_rng(2)
     value, size = rng.exponential(size=len(WINDOWS)), rng.exponential(size=len(WINDOWS)) + 0.1
     place = {window: number for number, window in enumerate(WINDOWS)}
@@ -44,7 +44,7 @@ def test_weighted_sums_are_those_of_all_tiles_on_average() -> None:
     assert np.mean(sums) == pytest.approx(value.sum(), abs=4.0 * error)
 
 
-def test_a_part_of_a_sample_stands_for_the_picture_too() -> None:
+def test_a_part_of_a_sample_stands_for_the_picture_too():
     rng = np.random.default_rng(7)
     size = rng.exponential(size=len(WINDOWS)) + 0.1
     value = dict(zip(WINDOWS, rng.exponential(size=len(WINDOWS)), strict=True))
@@ -57,14 +57,14 @@ def test_a_part_of_a_sample_stands_for_the_picture_too() -> None:
     assert np.mean(sums) == pytest.approx(sum(value.values()), abs=4.0 * np.std(sums) / np.sqrt(len(sums)))
 
 
-def test_what_is_in_proportion_to_size_is_known_without_error() -> None:
+def test_what_is_in_proportion_to_size_is_known_without_error():
     size = np.random.default_rng(3).exponential(size=len(WINDOWS)) + 0.1
     place = {window: number for number, window in enumerate(WINDOWS)}
     chosen = choose_tiles(WINDOWS, 25, np.random.default_rng(4), size)
     assert chosen.weight @ size[[place[window] for window in chosen.windows]] == pytest.approx(size.sum())
 
 
-def test_tiles_are_spread_over_the_picture() -> None:
+def test_tiles_are_spread_over_the_picture():
     square = split_into_tiles(Window(0, 0, 16 * TILE_SIZE, 16 * TILE_SIZE))
     chosen = choose_tiles(square, 64, np.random.default_rng(5))
     # Every block of 4 x 4 tiles holds four of them.
@@ -74,14 +74,14 @@ def test_tiles_are_spread_over_the_picture() -> None:
     np.testing.assert_array_equal(blocks, 4)
 
 
-def test_the_curve_visits_each_tile_once_and_goes_by_quarters() -> None:
+def test_the_curve_visits_each_tile_once_and_goes_by_quarters():
     square = split_into_tiles(Window(0, 0, 4 * TILE_SIZE, 4 * TILE_SIZE))
     order = morton_order(square)
     assert sorted(order) == list(range(16))
     assert {square[tile].left < 2 * TILE_SIZE and square[tile].top < 2 * TILE_SIZE for tile in order[:4]} == {True}
 
 
-def test_pixels_go_into_the_picture_where_they_came_from() -> None:
+def test_pixels_go_into_the_picture_where_they_came_from():
     film = np.arange(200 * 330 * 3, dtype=np.float64).reshape(200, 330, 3)
     chosen = choose_tiles(WINDOWS, 40, np.random.default_rng(6))
     patch = np.full((40, TILE_SIZE, TILE_SIZE, 3), np.nan)
@@ -95,7 +95,7 @@ def test_pixels_go_into_the_picture_where_they_came_from() -> None:
     assert np.array_equal(np.bincount(chosen.owner), chosen.pixels)
 
 
-def test_tiles_at_the_edges_are_smaller() -> None:
+def test_tiles_at_the_edges_are_smaller():
     whole = TileSample.of(WINDOWS, np.ones(len(WINDOWS)))
     assert whole.pixels.sum() == 330 * 200
     # 330 = 20 * 16 + 10, 200 = 12 * 16 + 8.

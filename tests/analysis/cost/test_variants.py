@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from raytracer.analysis.cost.removals import in_all_materials
@@ -16,14 +15,12 @@ from raytracer.core.motion.resolve import matrix_at
 from raytracer.film.window import Window
 from raytracer.plugins.lights.background import Background
 from raytracer.plugins.lights.base.interface import Lights
-from raytracer.plugins.materials.base.interface import MaterialSpec
-from raytracer.rendering.compilation import CompiledScene, compile_scene
+from raytracer.rendering.compilation import compile_scene
 from raytracer.rendering.tile_renderer import render_tiles
 from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.effects import effects_of
 from raytracer.scene.load import build, load
-from raytracer.scene.pack.scene import PackedScene, pack
-from raytracer.scene.spec import SceneSpec
+from raytracer.scene.pack.scene import pack
 from raytracer.schema.registry import MATERIALS, MEDIA, SHAPES, TEXTURES
 from raytracer.schema.transform import matrix_of
 from raytracer.util.errors import InputError
@@ -62,21 +59,21 @@ objects: [{type: sphere, center: [0, 0, -5], radius: 1}]
 """
 
 
-def text(**parts: str) -> str:
+def text(**parts):
     """SMALL with other values of some keys."""
     lines = [line for line in SMALL.strip().splitlines() if line.split(":")[0] not in parts]
     return "\n".join([*lines, *(f"{key}: {value}" for key, value in parts.items())])
 
 
-def small(**parts: str) -> SceneSpec:
+def small(**parts):
     return build(text(**parts), "test.yaml")
 
 
-def active(spec: SceneSpec, scene: Any) -> set[str]:
+def active(spec, scene):
     return {name for name, effect in effects_of(spec, scene).items() if effect.active}
 
 
-def without(spec: SceneSpec, name: str) -> tuple[SceneSpec, Any]:
+def without(spec, name):
     """The checked and the packed scene of a variant."""
     packed = pack(spec)
     (variant,) = [item for item in make_variants(packed.spec, packed) if item.name == name]
@@ -85,12 +82,12 @@ def without(spec: SceneSpec, name: str) -> tuple[SceneSpec, Any]:
 
 
 @cache
-def of_file(path: Path) -> tuple[SceneSpec, PackedScene]:
+def of_file(path):
     packed = pack(load(path))
     return packed.spec, packed
 
 
-def equal(a: Any, b: Any) -> bool:
+def equal(a, b):
     """Tell if packed values are of the same types, with the same bits."""
     if type(a) is not type(b):
         return False
@@ -112,7 +109,7 @@ every_scene = pytest.mark.parametrize(
 
 
 @every_scene
-def test_each_variant_leaves_out_its_effect_and_nothing_else(path: Path) -> None:
+def test_each_variant_leaves_out_its_effect_and_nothing_else(path):
     spec, packed = of_file(path)
     before = active(spec, packed.scene)
     for variant in make_variants(spec, packed):
@@ -134,7 +131,7 @@ def test_each_variant_leaves_out_its_effect_and_nothing_else(path: Path) -> None
 
 
 @every_scene
-def test_what_need_not_be_packed_anew_is_what_packing_gives(path: Path) -> None:
+def test_what_need_not_be_packed_anew_is_what_packing_gives(path):
     spec, packed = of_file(path)
     shared = [variant for variant in make_variants(spec, packed) if not variant.needs_repacking]
     assert {variant.group for variant in shared} >= {"control", "sampler"}
@@ -147,7 +144,7 @@ def test_what_need_not_be_packed_anew_is_what_packing_gives(path: Path) -> None:
 
 
 @every_scene
-def test_every_active_effect_has_a_variant_or_a_reason(path: Path) -> None:
+def test_every_active_effect_has_a_variant_or_a_reason(path):
     spec, packed = of_file(path)
     reasons = reasons_without_variant(spec, packed)
     names = {variant.name for variant in make_variants(spec, packed)}
@@ -158,7 +155,7 @@ def test_every_active_effect_has_a_variant_or_a_reason(path: Path) -> None:
 
 
 @every_scene
-def test_no_variant_changes_what_is_asked_of_the_picture(path: Path) -> None:
+def test_no_variant_changes_what_is_asked_of_the_picture(path):
     spec, packed = of_file(path)
     found = make_variants(spec, packed)
     assert found[0].name == REPEAT
@@ -179,7 +176,7 @@ def test_no_variant_changes_what_is_asked_of_the_picture(path: Path) -> None:
             assert after._replace(seconds=None) == before._replace(seconds=None)
 
 
-def test_the_control_is_the_scene() -> None:
+def test_the_control_is_the_scene():
     spec = small()
     packed = pack(spec)
     control = make_variants(spec, packed)[0]
@@ -188,7 +185,7 @@ def test_the_control_is_the_scene() -> None:
     assert control.packed_variant(packed.scene) is packed.scene
 
 
-def test_what_is_the_same_picture_says_so() -> None:
+def test_what_is_the_same_picture_says_so():
     spec = small(environment="{type: sky}", render="{max_depth: 20}")
     same = {variant.name for variant in make_variants(spec, pack(spec)) if variant.same_mean}
     ways = {"environment_sampling", "light_sampling=lights", "light_sampling=paths"}
@@ -196,13 +193,13 @@ def test_what_is_the_same_picture_says_so() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_the_same_picture_is() -> None:
+def test_what_is_the_same_picture_is():
     # A ball in the light of a sky: what differs is noise, of four independent pictures of each.
     spec = build(text(film="{width: 16, height: 16}", environment="{type: sky}", render="{spp: 128}"), "test.yaml")
     scene = compile_scene(spec)
     windows = split_into_tiles(Window(0, 0, 16, 16))
 
-    def means(prepared: CompiledScene, seed: int) -> NDArray[np.float64]:
+    def means(prepared, seed):
         return np.array([render_tiles(prepared, windows, 128, seed + i, 2).mean.mean() for i in range(4)])
 
     expected = means(scene, 0)
@@ -225,7 +222,7 @@ LENS = (
 
 
 @pytest.mark.parametrize("pupil", ["aplanatic", "flat"])
-def test_a_lens_without_its_opening_lets_in_as_much_light(pupil: str) -> None:
+def test_a_lens_without_its_opening_lets_in_as_much_light(pupil):
     # Without a rim: that one takes light away by being there.
     camera = LENS.replace(", vignetting: {diameter: 60 mm, distance: 50 mm}", "").replace("iso", f"pupil: {pupil}, iso")
     spec = small(camera=camera)
@@ -242,7 +239,7 @@ def test_a_lens_without_its_opening_lets_in_as_much_light(pupil: str) -> None:
     assert point.camera.irradiance == wide.irradiance
 
 
-def test_a_lens_keeps_what_is_not_left_out() -> None:
+def test_a_lens_keeps_what_is_not_left_out():
     spec = small(camera=LENS)
     lens = pack(spec).scene.camera.lens
     _, unshaped = without(spec, "aperture_shape")
@@ -252,7 +249,7 @@ def test_a_lens_keeps_what_is_not_left_out() -> None:
     assert equal(rimless.camera.lens.shape, lens.shape)
 
 
-def test_a_moving_camera_loses_its_lens_and_not_its_motion() -> None:
+def test_a_moving_camera_loses_its_lens_and_not_its_motion():
     spec = small(camera=LENS[:-1] + ", motion: {velocity: [1, 0, 0]}}")
     _, scene = without(spec, "defocus")
     assert scene.camera.camera.lens is None
@@ -267,7 +264,7 @@ GLASS = (
 )
 
 
-def test_a_lens_of_glass_goes_as_a_whole_or_by_what_it_does() -> None:
+def test_a_lens_of_glass_goes_as_a_whole_or_by_what_it_does():
     spec = small(camera=GLASS)
     packed = pack(spec)
     found = {item.name for item in make_variants(spec, packed) if item.group == "effect"}
@@ -287,11 +284,10 @@ def test_a_lens_of_glass_goes_as_a_whole_or_by_what_it_does() -> None:
 
 
 @pytest.mark.parametrize("focus", ["4", ".inf"])
-def test_the_thin_lens_in_place_of_glass_shows_as_much_as_brightly(focus: str) -> None:
+def test_the_thin_lens_in_place_of_glass_shows_as_much_as_brightly(focus):
     spec = small(camera=GLASS.replace("focus_distance: 4", f"focus_distance: {focus}").replace("flare: true, ", ""))
     changed, scene = without(spec, "real_lens")
     assert changed.camera.type == "thin_lens"
-    assert scene.camera.lens is not None
     assert scene.camera.lens.shape is not None
     before, after = (item.camera.describe(800, 400) for item in (spec, changed))
     for key in ("sensor_width_mm", "film_width_mm", "pixel_pitch_um", "focus_distance_m", "ev100"):
@@ -306,7 +302,7 @@ def test_the_thin_lens_in_place_of_glass_shows_as_much_as_brightly(focus: str) -
     assert ideal.mean() == pytest.approx(real.mean(), rel=0.03)
 
 
-def test_glass_of_the_scene_bends_all_colours_alike() -> None:
+def test_glass_of_the_scene_bends_all_colours_alike():
     prism = "{type: sphere, center: [0, 0, -5], radius: 1, material: {type: dielectric, ior: N-SF10}}"
     spec = small(objects=f"[{prism}]")
     assert pack(spec).scene.spectrum is not None
@@ -324,7 +320,7 @@ def test_glass_of_the_scene_bends_all_colours_alike() -> None:
 CURVED = "{opening: [[0, 0], [2 ms, 1], [4 ms, 0.5], [10 ms, 0]], open: 1}"
 
 
-def test_a_shutter_without_ramps_exposes_for_as_long_about_the_same_time() -> None:
+def test_a_shutter_without_ramps_exposes_for_as_long_about_the_same_time():
     spec = small(
         camera=f"{{type: pinhole, shutter: {CURVED}}}",
         objects="[{type: sphere, center: [0, 0, -5], radius: 1, motion: {velocity: [0, 1, 0]}}]",
@@ -339,7 +335,7 @@ def test_a_shutter_without_ramps_exposes_for_as_long_about_the_same_time() -> No
     assert 0.5 * (after.opens + after.closes) == pytest.approx(centroid, rel=1e-12)
 
 
-def test_a_shutter_without_a_readout_exposes_all_when_the_middle_was() -> None:
+def test_a_shutter_without_a_readout_exposes_all_when_the_middle_was():
     spec = small(
         camera="{type: pinhole, shutter: {open: 2, duration: 10 ms, readout: 30 ms, opening: trapezoid, ramp: 1 ms}}",
         objects="[{type: sphere, center: [0, 0, -5], radius: 1, motion: {velocity: [0, 1, 0]}}]",
@@ -358,7 +354,7 @@ MOVING = """[
   {type: quad, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 1, 0]]}]"""
 
 
-def test_nothing_moves_in_the_middle_of_the_exposure() -> None:
+def test_nothing_moves_in_the_middle_of_the_exposure():
     spec = small(
         camera="{type: pinhole, shutter: {open: 1, close: 2}, motion: {velocity: [0.2, 0, 0]}, "
         "shake: {amplitude: 0.1, bandwidth: 5}}",
@@ -380,14 +376,14 @@ def test_nothing_moves_in_the_middle_of_the_exposure() -> None:
     np.testing.assert_allclose(matrix_of(changed.groups["pair"][0].transform)[:3, 3], [0.0, 0.0, 6.0])
 
 
-def test_a_mesh_of_frames_rests_in_the_nearest_one() -> None:
+def test_a_mesh_of_frames_rests_in_the_nearest_one():
     frames = [{"time": float(time), "file": f"{name}.ply"} for time, name in enumerate("abc")]
     mesh = TypeAdapter(SHAPES.union()).validate_python({"type": "mesh", "frames": frames})
     assert (mesh.at_time(1.4).file, mesh.at_time(1.4).frames) == ("b.ply", None)
     assert mesh.at_time(9.0).file == "c.ply"
 
 
-def test_a_shaking_camera_is_held_and_has_no_second_variant() -> None:
+def test_a_shaking_camera_is_held_and_has_no_second_variant():
     spec = small(camera="{type: pinhole, shutter: 1/10 s, shake: {amplitude: 0.1, bandwidth: 10}}")
     _, scene = without(spec, "camera_shake")
     assert scene.shutter is None
@@ -397,7 +393,7 @@ def test_a_shaking_camera_is_held_and_has_no_second_variant() -> None:
 # ---- Light
 
 
-def test_light_that_is_all_there_is_stays() -> None:
+def test_light_that_is_all_there_is_stays():
     lamp = "[{type: quad, corner: [0, 4, 0], edges: [[1, 0, 0], [0, 0, 1]], material: {type: emitter, radiance: 3}}]"
     alone = small(environment="{type: constant, radiance: 0}", objects=lamp)
     assert "all the light" in reasons_without_variant(alone, pack(alone))["material.emitter"]
@@ -410,14 +406,14 @@ def test_light_that_is_all_there_is_stays() -> None:
     assert "light.sun" not in reasons
 
 
-def test_the_sun_of_a_sky_goes_without_the_sky() -> None:
+def test_the_sun_of_a_sky_goes_without_the_sky():
     spec = small(environment="{type: sky, sun: true}")
     _, scene = without(spec, "light.sun")
     assert [type(table) for table in scene.lights.tables] == [Background]
     assert equal(scene.environment, pack(spec).scene.environment)
 
 
-def test_an_environment_that_is_not_aimed_at_is_met_by_paths() -> None:
+def test_an_environment_that_is_not_aimed_at_is_met_by_paths():
     spec = small(environment="{type: sky}", lights="[{type: point, position: [0, 2, 0], intensity: 1}]")
     before = pack(spec).scene
     _, scene = without(spec, "environment_sampling")
@@ -429,8 +425,8 @@ def test_an_environment_that_is_not_aimed_at_is_met_by_paths() -> None:
     assert alone.lights is None
 
 
-def test_paths_are_offered_where_they_find_all_light() -> None:
-    def offered(**parts: str) -> set[str]:
+def test_paths_are_offered_where_they_find_all_light():
+    def offered(**parts):
         spec = small(**parts)
         return {item.name for item in make_variants(spec, pack(spec)) if item.name.startswith("light_sampling")}
 
@@ -442,7 +438,7 @@ def test_paths_are_offered_where_they_find_all_light() -> None:
     assert aimless == {"light_sampling=mis", "light_sampling=lights"}
 
 
-def test_a_flash_takes_its_pulses_along() -> None:
+def test_a_flash_takes_its_pulses_along():
     spec = small(
         camera="{type: pinhole, shutter: {duration: 1/50 s, readout: 1/100 s}}",
         lights="[{type: flash, energy: 1, position: [0, 1, 0]}]",
@@ -460,13 +456,13 @@ FOGS = """{
   cloud: {type: grid, file: cloud.npy, min: [0, 0, 0], max: [1, 1, 1], extinction: 1, albedo: 0.8}}"""
 
 
-def _media(kinds: str, tmp_path: Path) -> SceneSpec:
+def _media(kinds, tmp_path):
     np.save(tmp_path / "cloud.npy", np.full((2, 2, 2), 0.5, np.float32))
     written = text(media=FOGS, medium="thin", objects=kinds)
     return build(written, "test.yaml", base=tmp_path)
 
 
-def test_media_of_one_kind_go_and_others_keep_their_places(tmp_path: Path) -> None:
+def test_media_of_one_kind_go_and_others_keep_their_places(tmp_path):
     spec = _media(
         "[{type: sphere, center: [0, 0, -5], radius: 1, medium: thick}, "
         "{type: sphere, center: [3, 0, -5], radius: 1, medium: cloud}, {type: sphere, center: [6, 0, -5], radius: 1}]",
@@ -488,7 +484,7 @@ def test_media_of_one_kind_go_and_others_keep_their_places(tmp_path: Path) -> No
                 assert now == expected
 
 
-def test_clear_space_keeps_the_boundaries_of_its_media(tmp_path: Path) -> None:
+def test_clear_space_keeps_the_boundaries_of_its_media(tmp_path):
     spec = _media("[{type: sphere, center: [0, 0, -5], radius: 1, medium: thick}]", tmp_path)
     _, scene = without(spec, "media")
     assert equal(scene, pack(spec).scene._replace(media=None))
@@ -497,14 +493,14 @@ def test_clear_space_keeps_the_boundaries_of_its_media(tmp_path: Path) -> None:
 # ---- Materials and textures
 
 
-def replaced_materials(spec: SceneSpec, name: str) -> list[Any]:
+def replaced_materials(spec, name):
     """The materials that are packed of a variant, in the order of the objects."""
     packed = pack(spec)
     (variant,) = [item for item in make_variants(packed.spec, packed) if item.name == name]
     assert variant.material_variant is not None
     change, made = in_all_materials(variant.material_variant), list[Any]()
 
-    def noted(material: MaterialSpec, book: Any) -> MaterialSpec:
+    def noted(material, book):
         made.append(change(material, book))
         return made[-1]
 
@@ -512,7 +508,7 @@ def replaced_materials(spec: SceneSpec, name: str) -> list[Any]:
     return made
 
 
-def of(material: str, **parts: str) -> SceneSpec:
+def of(material, **parts):
     return small(objects=f"[{{type: sphere, center: [0, 0, -5], radius: 1, material: {material}}}]", **parts)
 
 
@@ -532,22 +528,20 @@ MEAN = (0.4, 0.6, 0.8)
         ("principled", "base_color: 0.5", (0.52, 0.52, 0.52)),
     ],
 )
-def test_a_material_becomes_a_matte_one_that_reflects_as_much(
-    kind: str, values: str, albedo: tuple[float, ...]
-) -> None:
+def test_a_material_becomes_a_matte_one_that_reflects_as_much(kind, values, albedo):
     (found,) = replaced_materials(of(f"{{type: {kind}, {values}}}"), f"material.{kind}")
     assert found.type == "lambertian"
     np.testing.assert_allclose(found.albedo, np.array(albedo), rtol=1e-12)
 
 
-def test_a_matte_stand_in_keeps_the_relief() -> None:
+def test_a_matte_stand_in_keeps_the_relief():
     spec = of(f"{{type: metal, albedo: 0.9, bump: {CHECKER}, bump_height: 2 mm}}")
     (found,) = replaced_materials(spec, "material.metal")
     (original,) = [item.material for item in spec.objects]
     assert (found.bump, found.bump_height) == (original.bump, original.bump_height)
 
 
-def test_a_selector_becomes_what_it_mostly_shows() -> None:
+def test_a_selector_becomes_what_it_mostly_shows():
     first, second = "{type: metal, albedo: 0.9}", "{type: lambertian, albedo: 0.1}"
     for weight, kind in ((0.4, "metal"), (0.6, "lambertian"), ("{type: noise, low: 0.6, high: 1}", "lambertian")):
         (found,) = replaced_materials(
@@ -562,7 +556,7 @@ def test_a_selector_becomes_what_it_mostly_shows() -> None:
     assert without(spec, "material.cutout")[1].transparency is None
 
 
-def test_selectors_in_selectors_of_their_kind_go_too() -> None:
+def test_selectors_in_selectors_of_their_kind_go_too():
     inner = "{type: mixture, materials: [{type: metal}, {type: dielectric}], weight: 0.7}"
     spec = of(f"{{type: mixture, materials: [{inner}, {{type: lambertian}}], weight: 0.2}}")
     (found,) = replaced_materials(spec, "material.mixture")
@@ -572,7 +566,7 @@ def test_selectors_in_selectors_of_their_kind_go_too() -> None:
     assert (found.type, found.material.type) == ("cutout", "dielectric")
 
 
-def test_what_a_selector_shows_is_replaced_in_it() -> None:
+def test_what_a_selector_shows_is_replaced_in_it():
     spec = of("{type: mixture, materials: [{type: metal, albedo: 0.9}, {type: dielectric}], weight: 0.5}")
     (found,) = replaced_materials(spec, "material.metal")
     assert [child.type for child in found.children().values()] == ["lambertian", "dielectric"]
@@ -582,13 +576,13 @@ def test_what_a_selector_shows_is_replaced_in_it() -> None:
     assert (found.type, found.albedo) == ("lambertian", (0.9, 0.9, 0.9))
 
 
-def test_a_boundary_has_nothing_to_become() -> None:
+def test_a_boundary_has_nothing_to_become():
     spec = of("{type: boundary}")
     reasons = reasons_without_variant(spec, pack(spec))
     assert {"material.boundary", "passage"} <= set(reasons)
 
 
-def test_textures_become_their_means_and_reliefs_nothing() -> None:
+def test_textures_become_their_means_and_reliefs_nothing():
     spec = of(
         f"{{type: principled, base_color: {CHECKER}, roughness: {CHECKER}, bump: {CHECKER}, bump_height: 1 mm, "
         "metallic: {type: noise, low: 0.2, high: 0.6}}",
@@ -603,7 +597,7 @@ def test_textures_become_their_means_and_reliefs_nothing() -> None:
     assert len(scene.textures) == 1
 
 
-def test_holes_become_as_many_on_average() -> None:
+def test_holes_become_as_many_on_average():
     opacity = "{type: checker, scale: 1, even: 0.0, odd: 0.8}"
     (found,) = replaced_materials(
         of(f"{{type: cutout, material: {{type: metal}}, opacity: {opacity}, threshold: 0.5}}"), "texture.checker"
@@ -612,7 +606,7 @@ def test_holes_become_as_many_on_average() -> None:
     assert found.threshold is None
 
 
-def test_materials_of_a_files_own_are_replaced_too() -> None:
+def test_materials_of_a_files_own_are_replaced_too():
     spec, packed = of_file(SCENES / "studio.yaml")
     (variant,) = [item for item in make_variants(spec, packed) if item.name == "material.principled"]
     radio = spec.model_copy(update={"objects": tuple(item for item in spec.objects if item.name == "radio")})
@@ -625,11 +619,11 @@ def test_materials_of_a_files_own_are_replaced_too() -> None:
 # ---- Names
 
 
-def named(*names: str) -> list[Variant]:
+def named(*names):
     return [Variant(REPEAT, "control", "."), *(Variant(name, "effect", ".") for name in names)]
 
 
-def test_variants_are_chosen_by_name_with_the_control() -> None:
+def test_variants_are_chosen_by_name_with_the_control():
     found = named("defocus", "accuracy=fast", "max_depth=4")
     assert [item.name for item in select_variants(found, ["max_depth=4", "defocus"])] == [
         REPEAT,
@@ -639,7 +633,7 @@ def test_variants_are_chosen_by_name_with_the_control() -> None:
     assert [item.name for item in select_variants(found, [])] == [REPEAT]
 
 
-def test_an_unknown_name_is_refused_with_the_nearest() -> None:
+def test_an_unknown_name_is_refused_with_the_nearest():
     with pytest.raises(InputError, match="unknown variant 'defokus'; did you mean 'defocus'"):
         select_variants(named("defocus"), ["defokus"])
     with pytest.raises(InputError, match="no variant without environment: it is all the light that there is"):

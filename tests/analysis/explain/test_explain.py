@@ -3,12 +3,11 @@
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from docs.make_scenes import nested_mappings
-from raytracer.analysis.explain import Circle, Explanation, explain, parse_circle
+from raytracer.analysis.explain import Circle, explain, parse_circle
 from raytracer.cli.base.app import main
 from raytracer.core.motion.trajectory import row_at
 from raytracer.kernel.path_tracer import render_tile
@@ -27,13 +26,13 @@ HERE = "look_from: [0, 0, 0], look_at: [0, 0, -1]"
 
 
 def explained(
-    camera: str,
-    *objects: str,
-    lights: str = "",
-    circle: Circle | None = None,
-    width: int = 1500,
-    height: int = 1000,
-) -> Explanation:
+    camera,
+    *objects,
+    lights="",
+    circle=None,
+    width=1500,
+    height=1000,
+):
     """The explanation of a camera at the origin that looks along -z."""
     items = objects or ("type: sphere, center: [0, 0, -2], radius: 0.1",)
     head = f"camera: {{{HERE}, {camera}}}\nenvironment: {{type: constant, radiance: 1}}\nlights: [{lights}]\nobjects:\n"
@@ -41,7 +40,7 @@ def explained(
     return explain(scene(text, width=width, height=height, filled=False), circle=circle)
 
 
-def ball(name: str, distance: float, more: str = "") -> str:
+def ball(name, distance, more=""):
     return f"type: sphere, name: {name}, center: [0, 0, {-distance!r}], radius: 0.01{more}"
 
 
@@ -49,7 +48,7 @@ def ball(name: str, distance: float, more: str = "") -> str:
 
 
 @pytest.mark.parametrize(("focal_length", "diagonal"), [(17, 103.68), (50, 46.79), (200, 12.35)])
-def test_field_of_view(focal_length: float, diagonal: float) -> None:
+def test_field_of_view(focal_length, diagonal):
     camera = explained(f"type: pinhole, {FULL_FRAME}, focal_length: {focal_length} mm").camera
     assert camera["dfov_deg"] == pytest.approx(diagonal, abs=0.005)
     assert camera["hfov_deg"] == pytest.approx(math.degrees(2.0 * math.atan(18.0 / focal_length)), rel=1e-12)
@@ -57,7 +56,7 @@ def test_field_of_view(focal_length: float, diagonal: float) -> None:
 
 
 @pytest.mark.parametrize(("width", "height", "crop"), [(23.6, 15.7, 1.526), (17.3, 13.0, 1.999), (13.2, 8.8, 2.727)])
-def test_crop_factor(width: float, height: float, crop: float) -> None:
+def test_crop_factor(width, height, crop):
     sensor = f"sensor: {{width: {width} mm, height: {height} mm}}"
     camera = explained(
         f"type: pinhole, {sensor}, focal_length: 25 mm", width=int(100 * width), height=int(100 * height)
@@ -66,7 +65,7 @@ def test_crop_factor(width: float, height: float, crop: float) -> None:
     assert camera["equivalent_focal_length_mm"] == pytest.approx(25.0 * camera["crop_factor"], rel=1e-12)
 
 
-def test_image_distance_and_magnification() -> None:
+def test_image_distance_and_magnification():
     # The darkening by (1 + m)^2, m = f / (s - f), of 50 mm at 0.5 m is 1.2346.
     camera = explained(f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 2, focus_distance: 0.5").camera
     assert (1.0 + camera["magnification"]) ** 2 == pytest.approx(1.2346, abs=5e-5)
@@ -75,7 +74,7 @@ def test_image_distance_and_magnification() -> None:
     assert camera["f_number"] == pytest.approx(2.0)
 
 
-def test_circle_of_confusion_of_a_named_object() -> None:
+def test_circle_of_confusion_of_a_named_object():
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 1.4, focus_distance: 2"
     objects = explained(lens, ball("focused", 2.0), ball("far", 4.0)).objects
     assert objects["far"]["circle_of_confusion_mm"] == pytest.approx(0.45788, abs=5e-6)
@@ -85,7 +84,7 @@ def test_circle_of_confusion_of_a_named_object() -> None:
     assert objects["far"]["distance_m"] == pytest.approx(4.0)
 
 
-def test_circle_of_confusion_without_a_sensor() -> None:
+def test_circle_of_confusion_without_a_sensor():
     # The camera of Ray Tracing in One Weekend: A = 0.104720.
     lens = "type: thin_lens, vfov: 20, focus_distance: 10, defocus_angle: 0.6"
     found = explained(lens, ball("near", 5.0), ball("far", 20.0), width=1200, height=675)
@@ -95,7 +94,7 @@ def test_circle_of_confusion_without_a_sensor() -> None:
     assert "circle_of_confusion_mm" not in found.objects["near"]
 
 
-def test_a_hole_of_a_real_size_blurs_more_what_is_near() -> None:
+def test_a_hole_of_a_real_size_blurs_more_what_is_near():
     # d (1 + f / z), by similar triangles.
     hole = f"type: pinhole, {FULL_FRAME}, focal_length: 200 mm, diameter: 6 mm"
     objects = explained(hole, ball("near", 0.5), ball("far", 20.0)).objects
@@ -103,7 +102,7 @@ def test_a_hole_of_a_real_size_blurs_more_what_is_near() -> None:
     assert objects["far"]["circle_of_confusion_mm"] == pytest.approx(6.0 * (1.0 + 0.2 / 20.0))
 
 
-def test_a_hole_blurs_infinity_by_its_own_size_and_has_no_focus() -> None:
+def test_a_hole_blurs_infinity_by_its_own_size_and_has_no_focus():
     # A pixel is 24 um wide.
     camera = explained(f"type: pinhole, {FULL_FRAME}, focal_length: 200 mm, diameter: 6 mm").camera
     assert camera["blur_at_infinity_px"] == pytest.approx(6.0 / 0.024)
@@ -111,7 +110,7 @@ def test_a_hole_blurs_infinity_by_its_own_size_and_has_no_focus() -> None:
     assert "blur_at_infinity_px" not in explained(f"type: pinhole, {FULL_FRAME}, focal_length: 200 mm").camera
 
 
-def test_a_point_blurs_nothing() -> None:
+def test_a_point_blurs_nothing():
     found = explained("type: pinhole, vfov: 40", ball("ball", 5.0))
     assert found.objects["ball"]["circle_of_confusion_px"] == 0.0
     assert "near_limit_m" not in found.camera
@@ -120,7 +119,7 @@ def test_a_point_blurs_nothing() -> None:
 # ---- Depth of field
 
 
-def test_limits_by_the_formulas() -> None:
+def test_limits_by_the_formulas():
     """50 mm f/1.4 on full frame, focused at 2 m: in mm, s f^2 / (f^2 -+ N c (s - f)) and f^2 / (N c) + f."""
     lens = "type: thin_lens, sensor: full_frame, focal_length: 50 mm, f_number: 1.4, focus_distance: 2"
     numbers = explained(lens, width=1800, height=1195).camera
@@ -132,7 +131,7 @@ def test_limits_by_the_formulas() -> None:
     assert numbers["depth_of_field_m"] == pytest.approx(numbers["far_limit_m"] - numbers["near_limit_m"])
 
 
-def test_limits_for_a_stated_circle() -> None:
+def test_limits_for_a_stated_circle():
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 2.8, focus_distance: 3"
     limits = explained(lens, circle=parse_circle("0.03 mm")).camera
     assert limits["near_limit_m"] == pytest.approx(2.7295, abs=5e-5)
@@ -143,12 +142,12 @@ def test_limits_for_a_stated_circle() -> None:
     assert edges["far"]["circle_of_confusion_mm"] == pytest.approx(0.03)
 
 
-def test_a_far_limit_may_be_infinite() -> None:
+def test_a_far_limit_may_be_infinite():
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 28 mm, f_number: 11, focus_distance: 2.5"
     assert explained(lens, circle=Circle(0.03, "mm")).camera["far_limit_m"] == math.inf
 
 
-def test_focused_at_the_hyperfocal_distance_all_from_half_of_it_is_sharp() -> None:
+def test_focused_at_the_hyperfocal_distance_all_from_half_of_it_is_sharp():
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 35 mm, f_number: 8, focus_distance: "
     hyperfocal = explained(lens + "3").camera["hyperfocal_m"]
     beyond = explained(f"{lens}{1.0001 * hyperfocal!r}").camera
@@ -158,13 +157,13 @@ def test_focused_at_the_hyperfocal_distance_all_from_half_of_it_is_sharp() -> No
     assert beyond["near_limit_m"] == pytest.approx(hyperfocal / 2.0, rel=1e-3)
 
 
-def test_sharp_is_a_1500th_of_the_sensors_diagonal_by_default() -> None:
+def test_sharp_is_a_1500th_of_the_sensors_diagonal_by_default():
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 2.8, focus_distance: 3"
     assert explained(lens).camera["circle_mm"] == pytest.approx(math.hypot(36.0, 24.0) / 1500.0)
     assert explained(lens).camera["circle_px"] == pytest.approx(math.hypot(1500.0, 1000.0) / 1500.0)
 
 
-def test_limits_need_no_sensor() -> None:
+def test_limits_need_no_sensor():
     # Limits follow from angles: the same lens and angle of view with a sensor has the same.
     lens = "type: thin_lens, vfov: 30, focus_distance: 3, aperture: 20 mm"
     plain, sized = explained(lens).camera, explained(f"{lens}, {FULL_FRAME}").camera
@@ -175,7 +174,7 @@ def test_limits_need_no_sensor() -> None:
     assert "circle_mm" not in plain
 
 
-def test_circles_in_millimetres_and_in_pixels_are_the_same() -> None:
+def test_circles_in_millimetres_and_in_pixels_are_the_same():
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 2.8, focus_distance: 3"
     # A pixel is 24 um wide.
     by_length = explained(lens, circle=parse_circle("48 um")).camera
@@ -184,12 +183,12 @@ def test_circles_in_millimetres_and_in_pixels_are_the_same() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "0 mm", "-1 px", "inf", "2 px px", "3 s", "nan px", "px"])
-def test_what_is_no_circle_is_refused(text: str) -> None:
+def test_what_is_no_circle_is_refused(text):
     with pytest.raises(InputError, match="--circle"):
         parse_circle(text)
 
 
-def test_a_length_needs_a_film_with_a_size() -> None:
+def test_a_length_needs_a_film_with_a_size():
     with pytest.raises(InputError, match="give pixels"):
         explained("type: thin_lens, vfov: 30, focus_distance: 3, aperture: 20 mm", circle=Circle(0.03, "mm"))
 
@@ -201,12 +200,12 @@ def test_a_length_needs_a_film_with_a_size() -> None:
     ("f_number", "shutter", "iso", "ev"),
     [(1.0, "1 s", 100, 0.0), (16.0, "1/128 s", 100, 15.0), (2.0, "1/64 s", 400, 6.0)],
 )
-def test_exposure_value(f_number: float, shutter: str, iso: float, ev: float) -> None:
+def test_exposure_value(f_number, shutter, iso, ev):
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: {f_number}, shutter: {shutter}, iso: {iso}"
     assert explained(lens).camera["ev100"] == pytest.approx(ev, abs=1e-12)
 
 
-def test_diffraction_that_would_show_is_a_warning() -> None:
+def test_diffraction_that_would_show_is_a_warning():
     # 2.44 x 0.55 um x 22 = 29.5 um, at infinity.
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, focus_distance: inf, f_number: "
     small = explained(f"{lens}22", width=6000, height=4000)
@@ -216,7 +215,7 @@ def test_diffraction_that_would_show_is_a_warning() -> None:
     assert not explained(f"{lens}4", width=6000, height=4000).warnings
 
 
-def test_diffraction_is_told_by_the_working_f_number() -> None:
+def test_diffraction_is_told_by_the_working_f_number():
     # At life size, twice the focal length away, the film is at twice it too.
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, focus_distance: 0.1, f_number: 11"
     macro = explained(lens, width=6000, height=4000)
@@ -228,21 +227,21 @@ def test_diffraction_is_told_by_the_working_f_number() -> None:
 
 @pytest.mark.parametrize(("shutter", "words"), [("125", "was 1/125 s meant"), ("30", ""), ("1/125 s", "")])
 @pytest.mark.parametrize("exposed", ["iso: 100", "exposure: auto"])
-def test_a_shutter_in_seconds_that_looks_like_a_fraction_is_a_warning(exposed: str, shutter: str, words: str) -> None:
+def test_a_shutter_in_seconds_that_looks_like_a_fraction_is_a_warning(exposed, shutter, words):
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 2, shutter: {shutter}"
     assert [words in sentence for sentence in explained(f"{lens}, {exposed}").warnings] == [True] * bool(words)
     assert not explained(lens).warnings
 
 
 @pytest.mark.parametrize("key", ["focal_length", "equivalent_focal_length"])
-def test_a_focal_length_in_metres_is_a_warning(key: str) -> None:
+def test_a_focal_length_in_metres_is_a_warning(key):
     (sentence,) = explained(f"type: pinhole, {FULL_FRAME}, {key}: 0.05").warnings
     assert sentence.startswith(f"{key} is 0.05 mm")
     assert "was 0.05 m meant" in sentence
     assert not explained(f"type: pinhole, {FULL_FRAME}, {key}: 0.05 m").warnings
 
 
-def test_highlights_that_end_below_white_are_a_warning() -> None:
+def test_highlights_that_end_below_white_are_a_warning():
     noisy = "{width: 36 mm, height: 24 mm, noise: true, base_iso: 100}"
     lens = f"type: thin_lens, sensor: {noisy}, focal_length: 50 mm, f_number: 2, shutter: 1/60 s, iso: "
     (sentence,) = explained(f"{lens}200, exposure_compensation: -3").warnings
@@ -257,7 +256,7 @@ def test_highlights_that_end_below_white_are_a_warning() -> None:
 # ---- Flashes
 
 
-def flash_warnings(shutter: str, *flashes: str) -> list[str]:
+def flash_warnings(shutter, *flashes):
     lights = ", ".join(f"{{type: flash, energy: 1, {keys}}}" for keys in flashes)
     return explained(f"type: pinhole, vfov: 40, shutter: {shutter}", lights=lights).warnings
 
@@ -274,7 +273,7 @@ def flash_warnings(shutter: str, *flashes: str) -> list[str]:
         ("{duration: 20 ms, readout: 10 ms, curtain: focal_plane}", "duration: 10 ms, curtain: second"),
     ],
 )
-def test_a_flash_that_the_open_shutter_sees_is_no_warning(shutter: str, flash: str) -> None:
+def test_a_flash_that_the_open_shutter_sees_is_no_warning(shutter, flash):
     assert flash_warnings(shutter, flash) == []
 
 
@@ -290,7 +289,7 @@ def test_a_flash_that_the_open_shutter_sees_is_no_warning(shutter: str, flash: s
         ("{opening: [[0, 0.5], [8 ms, 0.5]]}", "duration: 16 ms", "fully open for 1/125 s: 50 % of"),
     ],
 )
-def test_light_of_a_flash_that_the_shutter_keeps_out_is_a_warning(shutter: str, flash: str, words: str) -> None:
+def test_light_of_a_flash_that_the_shutter_keeps_out_is_a_warning(shutter, flash, words):
     (sentence,) = flash_warnings(shutter, flash)
     assert words in sentence
 
@@ -299,7 +298,7 @@ def test_light_of_a_flash_that_the_shutter_keeps_out_is_a_warning(shutter: str, 
     ("direction", "edge", "side"),
     [("down", "top", "height"), ("up", "bottom", "height"), ("right", "left", "width"), ("left", "right", "width")],
 )
-def test_a_flash_beyond_the_sync_speed_lights_a_band(direction: str, edge: str, side: str) -> None:
+def test_a_flash_beyond_the_sync_speed_lights_a_band(direction, edge, side):
     # A slit of 2 ms crosses in 4 ms.  When the last line is open, the first half has closed again.
     shutter = f"{{duration: 2 ms, readout: 4 ms, direction: {direction}}}"
     (sentence,) = flash_warnings(shutter, "duration: 1/1000000 s")
@@ -307,7 +306,7 @@ def test_a_flash_beyond_the_sync_speed_lights_a_band(direction: str, edge: str, 
     assert "fully open for 0.004001 s or longer" in sentence
 
 
-def test_a_flash_lights_a_band_in_full_and_its_edges_in_part() -> None:
+def test_a_flash_lights_a_band_in_full_and_its_edges_in_part():
     # At 3 to 4 ms, lines that begin to open at 1 to 4 ms are open, those of 2 to 3 ms all the while.
     (sentence,) = flash_warnings("{duration: 2 ms, readout: 5 ms}", "duration: 1 ms, offset: -2 ms")
     assert "it lights 20 to 80 % of the height from the top, and 40 to 60 % in full; all of it can be" in sentence
@@ -318,18 +317,18 @@ def test_a_flash_lights_a_band_in_full_and_its_edges_in_part() -> None:
     assert sentence.endswith("it lights 0 to 40 % of the height from the top, and 0 to 20 % in full")
 
 
-def test_flashes_are_told_apart() -> None:
+def test_flashes_are_told_apart():
     found = flash_warnings("1/60 s", "duration: 1 ms", "duration: 1 ms, offset: 1")
     assert [sentence.split(" shines")[0] for sentence in found] == ["the flash lights[1]"]
 
 
-def test_an_impossible_aperture_is_a_warning() -> None:
+def test_an_impossible_aperture_is_a_warning():
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: "
     assert any("f/0.4 is faster than f/0.5" in sentence for sentence in explained(f"{lens}0.4").warnings)
     assert not explained(f"{lens}0.5").warnings
 
 
-def test_an_aperture_that_is_a_point_is_a_warning() -> None:
+def test_an_aperture_that_is_a_point_is_a_warning():
     camera = f"type: pinhole, {FULL_FRAME}, focal_length: 50 mm, f_number: 8"
     (sentence,) = explained(camera).warnings
     assert "blurs nothing" in sentence
@@ -341,27 +340,27 @@ SPEED = ", motion: {velocity: [3, 0, 0]}"
 
 
 @pytest.mark.parametrize(("shutter", "pixels"), [("1/60 s", 7.418), ("1/30 s", 2 * 7.418), ("{close: 0.1}", 6 * 7.418)])
-def test_streak_of_a_moving_object(shutter: str, pixels: float) -> None:
+def test_streak_of_a_moving_object(shutter, pixels):
     camera = f"type: pinhole, vfov: 40, shutter: {shutter}"
     objects = explained(camera, ball("moves", 10.0, SPEED), ball("rests", 10.0), width=1920, height=1080).objects
     assert objects["moves"]["streak_px"] == pytest.approx(pixels, abs=0.005)
     assert "streak_px" not in objects["rests"]
 
 
-def test_a_moving_camera_draws_the_same_streak_of_what_rests() -> None:
+def test_a_moving_camera_draws_the_same_streak_of_what_rests():
     camera = "type: pinhole, vfov: 40, shutter: 1/60 s, motion: {velocity: [-3, 0, 0]}"
     objects = explained(camera, ball("rests", 10.0), width=1920, height=1080).objects
     assert objects["rests"]["streak_px"] == pytest.approx(7.418, abs=0.005)
 
 
-def test_a_camera_that_pans_draws_streaks_by_angles() -> None:
+def test_a_camera_that_pans_draws_streaks_by_angles():
     # From -1 to 1 degree off the axis.
     camera = "type: pinhole, vfov: 90, shutter: {open: -1, close: 1}, motion: {spin: {axis: [0, 1, 0], rate: 1 deg/s}}"
     objects = explained(camera, ball("rests", 10.0), height=1000).objects
     assert objects["rests"]["streak_px"] == pytest.approx(1000.0 * math.tan(math.radians(1.0)), rel=1e-9)
 
 
-def test_what_turns_in_place_has_streaks_at_its_corners() -> None:
+def test_what_turns_in_place_has_streaks_at_its_corners():
     # A quarter of a turn of a square that faces the camera: its corners are sqrt(2) from its middle.
     square = "type: quad, name: propeller, corner: [-1, -1, -10], edges: [[2, 0, 0], [0, 2, 0]]"
     turning = f"{square}, motion: {{spin: {{axis: [0, 0, 1], rate: 1 turn/s}}}}"
@@ -374,7 +373,7 @@ def test_what_turns_in_place_has_streaks_at_its_corners() -> None:
 
 
 @pytest.mark.parametrize("place", [(1.3, -0.7, -9.1), (130.0, 70.0, -1e4), (0.1, 0.003, -0.07)])
-def test_rounding_is_no_motion_but_the_slowest_motion_is(place: tuple[float, float, float]) -> None:
+def test_rounding_is_no_motion_but_the_slowest_motion_is(place):
     x, y, z = place
     ball = f"type: sphere, name: ball, center: [{x}, {y}, {z}], radius: {0.1 * abs(z)}"
     turns = f"spin: {{axis: [1, 2, 3], rate: 33 turn/s, center: [{x}, {y}, {z}]}}"
@@ -386,13 +385,13 @@ def test_rounding_is_no_motion_but_the_slowest_motion_is(place: tuple[float, flo
     assert streak == pytest.approx(1e-7 * 500.0 / math.tan(math.radians(20.0)), rel=1e-3)
 
 
-def test_a_ramp_counts_at_half_its_height() -> None:
+def test_a_ramp_counts_at_half_its_height():
     shutter = "shutter: {duration: 1/60 s, opening: trapezoid, ramp: 1/120 s}"
     objects = explained(f"type: pinhole, vfov: 40, {shutter}", ball("moves", 10.0, SPEED), height=1080).objects
     assert objects["moves"]["streak_px"] == pytest.approx(7.418, abs=0.005)
 
 
-def test_skew_of_a_rolling_shutter() -> None:
+def test_skew_of_a_rolling_shutter():
     # 1920 px/s and 1/60 s of readout over 1080 rows: 32 px, 1.697 deg.  Streaks are those of a row.
     speed = 1920.0 * 10.0 * 2.0 * math.tan(math.radians(20.0)) / 1080.0
     motion = f", motion: {{velocity: [{speed!r}, 0, 0]}}"
@@ -406,7 +405,7 @@ def test_skew_of_a_rolling_shutter() -> None:
     assert right["skew_px"] == 0.0
 
 
-def test_a_hand_that_shakes_draws_streaks() -> None:
+def test_a_hand_that_shakes_draws_streaks():
     camera = f"type: pinhole, {HERE}, vfov: 40, shutter: 1/8 s, shake: {{amplitude: 0.2 deg, bandwidth: 5 Hz}}"
     text = f"camera: {{{camera}}}\nobjects: [{{{ball('ball', 10.0)}}}]"
     spec = scene(text, filled=False, width=1000, height=1000)
@@ -419,7 +418,7 @@ def test_a_hand_that_shakes_draws_streaks() -> None:
     assert explain(spec).objects["ball"]["streak_px"] == pytest.approx(length / pixel, rel=0.01)
 
 
-def test_what_is_behind_the_camera_has_no_blur() -> None:
+def test_what_is_behind_the_camera_has_no_blur():
     camera = "type: thin_lens, vfov: 40, aperture: 20 mm, focus_distance: 3, shutter: 1/60 s"
     numbers = explained(camera, ball("behind", -3.0, SPEED)).objects["behind"]
     assert numbers == {"distance_m": -3.0}
@@ -428,7 +427,7 @@ def test_what_is_behind_the_camera_has_no_blur() -> None:
 @pytest.mark.parametrize(
     "camera", ["type: equirectangular", "type: fisheye", "type: orthographic, height: 3", f"type: none, {FULL_FRAME}"]
 )
-def test_cameras_without_a_lens_are_explained(camera: str) -> None:
+def test_cameras_without_a_lens_are_explained(camera):
     numbers = explained(f"{camera}, shutter: 1/60 s", ball("ball", 5.0, SPEED)).objects["ball"]
     assert numbers["distance_m"] == pytest.approx(5.0)
     assert "circle_of_confusion_px" not in numbers
@@ -438,7 +437,7 @@ def test_cameras_without_a_lens_are_explained(camera: str) -> None:
 # ---- What is printed
 
 
-def test_objects_are_those_with_a_name_or_a_motion() -> None:
+def test_objects_are_those_with_a_name_or_a_motion():
     moving = ("type: sphere, center: [0, 0, -5], radius: 1, motion: {velocity: [1, 0, 0]}",) * 10
     found = explained(
         "type: pinhole, shutter: 1/60 s", "type: sphere, center: [0, 0, -9], radius: 1", ball("a", 3.0), *moving
@@ -447,7 +446,7 @@ def test_objects_are_those_with_a_name_or_a_motion() -> None:
     assert "and 2 more that move" in found.text()
 
 
-def test_text_is_aligned_in_groups() -> None:
+def test_text_is_aligned_in_groups():
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 22, focus_distance: inf, shutter: 1/125 s"
     text = explained(lens, ball("ball", 5.0, SPEED), width=6000, height=4000).text()
     lines = text[text.index("Camera: thin_lens") :].splitlines()
@@ -469,7 +468,7 @@ def test_text_is_aligned_in_groups() -> None:
     assert max(map(len, lines)) <= 120
 
 
-def test_kinds_that_a_scene_has_none_of_are_a_line_a_family() -> None:
+def test_kinds_that_a_scene_has_none_of_are_a_line_a_family():
     found = explained("type: pinhole")
     left_out = found.text().partition("Left out\n")[2].partition("\n\n")[0]
     joined = " ".join(left_out.split())
@@ -482,19 +481,19 @@ def test_kinds_that_a_scene_has_none_of_are_a_line_a_family() -> None:
     assert found.json()["effects"]["material.metal"] == {"active": False, "why": "0 objects of 1"}
 
 
-def test_a_light_without_effect_keeps_its_reason() -> None:
+def test_a_light_without_effect_keeps_its_reason():
     text = explained("type: pinhole", lights="{type: point, position: [0, 1, 0], intensity: 0}").text()
     assert "light.point" in text.partition("Left out")[2]
     assert "which is black" in text
 
 
-def test_what_is_not_there_is_not_explained() -> None:
+def test_what_is_not_there_is_not_explained():
     assert "blur (" not in explained(f"type: none, {FULL_FRAME}", ball("ball", 5.0)).text()
     assert "their blur is" not in explained(f"type: none, {FULL_FRAME}", ball("ball", 5.0)).text()
     assert "their blur is" in explained("type: pinhole", ball("ball", 5.0)).text()
 
 
-def test_the_circle_is_told_once() -> None:
+def test_the_circle_is_told_once():
     lens = "type: thin_lens, vfov: 30, focus_distance: 3, aperture: 20 mm"
     (line,) = [line for line in explained(lens).text().splitlines() if "circle of" in line and "sharp" in line]
     assert line.endswith(" 1.202 px")
@@ -502,7 +501,7 @@ def test_the_circle_is_told_once() -> None:
     assert line.endswith(" 1.202 px, 0.02884 mm")
 
 
-def test_an_exposure_value_without_a_speed_is_that_of_iso_100() -> None:
+def test_an_exposure_value_without_a_speed_is_that_of_iso_100():
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 16, shutter: 1/128 s"
     for speed, words in (
         (", exposure: auto", "EV100 at ISO 100 15"),
@@ -514,32 +513,32 @@ def test_an_exposure_value_without_a_speed_is_that_of_iso_100() -> None:
 
 
 @pytest.mark.parametrize(("shutter", "words"), [("1e-30", "1.000e-30 s"), ("1e-6", "1/1000000 s")])
-def test_times_of_any_length_are_printed(shutter: str, words: str) -> None:
+def test_times_of_any_length_are_printed(shutter, words):
     text = explained(f"type: pinhole, vfov: 40, shutter: {shutter}", ball("moves", 10.0, SPEED)).text()
     assert [line.split(maxsplit=1)[1].endswith(words) for line in text.splitlines() if "    shutter " in line] == [True]
 
 
-def test_the_readme_shows_what_is_printed() -> None:
+def test_the_readme_shows_what_is_printed():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     shown = readme[readme.index("```\nSimulated") + 4 :].partition("```")[0].splitlines()
     printed = explain(load(ROOT / "scenes" / "cover.yaml")).text().splitlines()
     assert [line for line in shown if line.strip() != "..." and line not in printed] == []
 
 
-def test_every_number_has_words() -> None:
+def test_every_number_has_words():
     shutter = "shutter: {duration: 1/60 s, readout: 10 ms}"
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 2, {shutter}, iso: 200"
     assert "Further numbers" not in explained(lens).text()
 
 
-def test_json_has_four_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_four_parts(tmp_path, capsys):
     file = tmp_path / "scene.yaml"
     file.write_text(
         f"camera: {{type: thin_lens, {HERE}, {FULL_FRAME}, focal_length: 50 mm, f_number: 22, focus_distance: inf}}\n"
         f"film: {{width: 6000, height: 4000}}\nenvironment: {{type: gradient}}\nobjects: [{{{ball('ball', 5.0)}}}]\n"
     )
     assert main(["explain", str(file), "--json", "--circle", "0.03 mm"]) == 0
-    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    found = json.loads(capsys.readouterr().out)
     assert list(found) == ["effects", "camera", "objects", "warnings"]
     assert found["camera"]["far_limit_m"] == "inf"
     assert found["camera"]["circle_mm"] == pytest.approx(0.03)
@@ -547,7 +546,7 @@ def test_json_has_four_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert len(found["warnings"]) == 1
 
 
-def test_explaining_compiles_no_kernel() -> None:
+def test_explaining_compiles_no_kernel():
     compiled = len(render_tile.signatures)
     explained(
         "type: thin_lens, vfov: 41, aperture: 20 mm, focus_at: [0.5, 0.5], shutter: 1/60 s", ball("a", 2.0, SPEED)
@@ -555,7 +554,7 @@ def test_explaining_compiles_no_kernel() -> None:
     assert len(render_tile.signatures) == compiled
 
 
-def test_effects_tell_of_the_photograph() -> None:
+def test_effects_tell_of_the_photograph():
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 2, shutter: 1/60 s"
     plain, exposed = explained(lens).effects, explained(f"{lens}, iso: 800").effects
     assert not plain["exposure"].active
@@ -568,7 +567,7 @@ def test_effects_tell_of_the_photograph() -> None:
 
 
 @pytest.mark.parametrize("focal_length", ["0.6 mm", "1.4 mm"])
-def test_a_light_field_camera_is_focused_where_its_key_says_and_not_where_microlenses_see(focal_length: str) -> None:
+def test_a_light_field_camera_is_focused_where_its_key_says_and_not_where_microlenses_see(focal_length):
     # Microlenses that show the image of that plane lie before or behind it, in the image of another.
     array = f"{{pixels: 15, arrangement: focused, focal_length: {focal_length}}}"
     optics = "sensor: {width: 6 mm, height: 6 mm}, focal_length: 40 mm, f_number: 4, focus_distance: 2"
@@ -580,7 +579,7 @@ def test_a_light_field_camera_is_focused_where_its_key_says_and_not_where_microl
 # ---- Keys
 
 
-def test_all_keys_of_a_scene_are_listed_and_read_back_as_they_are() -> None:
+def test_all_keys_of_a_scene_are_listed_and_read_back_as_they_are():
     path = SCENES / "lecture" / "iso_noise.yaml"
     spec = load(path)
     keys = explain(spec, every_key=True).keys
@@ -590,7 +589,7 @@ def test_all_keys_of_a_scene_are_listed_and_read_back_as_they_are() -> None:
     assert load(path, given) == spec
 
 
-def test_keys_have_their_meaning_at_any_depth_whether_given_or_not() -> None:
+def test_keys_have_their_meaning_at_any_depth_whether_given_or_not():
     keys = {key.path: key for key in explain(SCENES / "cornell.yaml", every_key=True).keys}
     assert (keys["camera.vfov"].value, keys["camera.vfov"].is_given) == (40.0, True)
     assert (keys["render.seed"].value, keys["render.seed"].is_given) == (0, False)
@@ -607,7 +606,7 @@ def test_keys_have_their_meaning_at_any_depth_whether_given_or_not() -> None:
 PINHOLE = set(properties_of(Pinhole))
 
 
-def test_keys_are_told_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_keys_are_told_on_the_command_line(capsys):
     assert main(["explain", str(SCENES / "cornell.yaml"), "--all", "--json", "-D", "camera.vfov=30"]) == 0
     keys = json.loads(capsys.readouterr().out)["keys"]
     assert {"path": "camera.vfov", "value": 30.0, "is_given": True}.items() <= keys[2].items()

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,11 +22,11 @@ from tests.analysis.regression.made_up import HEIGHT, SCENE, WIDTH, MadeUp, refe
 
 
 @pytest.fixture
-def renders(monkeypatch: pytest.MonkeyPatch) -> MadeUp:
+def renders(monkeypatch):
     return MadeUp().install(monkeypatch)
 
 
-def flat(value: float, variance: float, spp: int = 4096) -> Reference:
+def flat(value, variance, spp=4096):
     shape = (8, 12, 3)
     recipe = Recipe("a.yaml", {}, spp, 1, "0", {})
     return Reference(np.full(shape, value), np.full(shape, variance), recipe)
@@ -36,11 +35,11 @@ def flat(value: float, variance: float, spp: int = 4096) -> Reference:
 # ---- What is found
 
 
-def swapped(picture: np.ndarray) -> np.ndarray:
+def swapped(picture):
     return picture[..., ::-1]
 
 
-def wrong_tile(picture: np.ndarray) -> np.ndarray:
+def wrong_tile(picture):
     picture = picture.copy()
     picture[8:16, 24:32] *= 0.97
     return picture
@@ -56,7 +55,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_planted_fault_fails_and_is_named(fault: str, renders: MadeUp, tmp_path: Path) -> None:
+def test_a_planted_fault_fails_and_is_named(fault, renders, tmp_path):
     path = reference(tmp_path)
     renders.change, reason = FAULTS[fault]
     for seed in range(5):
@@ -66,16 +65,15 @@ def test_a_planted_fault_fails_and_is_named(fault: str, renders: MadeUp, tmp_pat
         assert re.search(reason, result.reason), result.reason
 
 
-def test_the_wrong_tile_is_the_farthest(renders: MadeUp, tmp_path: Path) -> None:
+def test_the_wrong_tile_is_the_farthest(renders, tmp_path):
     path = reference(tmp_path)
     renders.change = wrong_tile
     verdict = check_reference(path).verdict
-    assert verdict is not None
     farthest = np.abs(verdict.tile_z).max(axis=2)
     assert np.unravel_index(np.argmax(farthest), farthest.shape) == (1, 3)
 
 
-def test_of_two_hundred_other_seeds_hardly_one_fails(renders: MadeUp, tmp_path: Path) -> None:
+def test_of_two_hundred_other_seeds_hardly_one_fails(renders, tmp_path):
     path = reference(tmp_path)
     assert sum(not check_reference(path, CheckOptions(spp=256, seed=seed)).passed for seed in range(200)) <= 2
 
@@ -83,7 +81,7 @@ def test_of_two_hundred_other_seeds_hardly_one_fails(renders: MadeUp, tmp_path: 
 # ---- What can be found
 
 
-def test_what_a_check_finds_is_what_its_normal_law_says() -> None:
+def test_what_a_check_finds_is_what_its_normal_law_says():
     # 96 pixels of variance 4e-4 / 4096 each in the reference, and 16 times that in the check: the deviation of the
     # difference of the means is sqrt(17 * 4e-4 / 4096 / 96).  As many of it as the test of the means needs, which noise
     # exceeds in one of three channels with a probability of 1e-3 / 8, and another 2.3263 that leave 1 % undetected.
@@ -93,7 +91,7 @@ def test_what_a_check_finds_is_what_its_normal_law_says() -> None:
     assert 1.0 - (1.0 - math.erfc(needed / math.sqrt(2.0))) ** 3 == pytest.approx(1e-3 / 8, rel=1e-3)
 
 
-def test_a_shift_that_means_do_not_show_is_found_and_what_would_be_is_said(renders: MadeUp, tmp_path: Path) -> None:
+def test_a_shift_that_means_do_not_show_is_found_and_what_would_be_is_said(renders, tmp_path):
     path = reference(tmp_path)
     passed = check_reference(path)
     assert "more or less light, and " in passed.sentence()
@@ -106,14 +104,14 @@ def test_a_shift_that_means_do_not_show_is_found_and_what_would_be_is_said(rende
     assert any("the whole is shifted to the right by 0." in finding for finding in moved.json()["findings"])
 
 
-def test_samples_are_as_many_as_the_change_takes() -> None:
+def test_samples_are_as_many_as_the_change_takes():
     kept = flat(0.5, 0.25 / 4096)
     spp = samples_to_detect(kept, 0.03)
     assert 256 < spp < 4096
     assert detectable_change(kept, spp) <= 0.03 < detectable_change(kept, spp - 1)
 
 
-def test_samples_have_their_bounds() -> None:
+def test_samples_have_their_bounds():
     # Without noise a few do; where the reference's own noise hides the change, as many as it has are the most.
     assert samples_to_detect(flat(0.5, 0.0)) == 256
     assert detectable_change(flat(0.5, 0.0), 256) == 0.0
@@ -123,7 +121,7 @@ def test_samples_have_their_bounds() -> None:
     assert detectable_change(flat(0.0, 0.0), 256) == math.inf
 
 
-def test_what_a_check_is_to_find_it_finds_nearly_always(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_a_check_is_to_find_it_finds_nearly_always(monkeypatch, tmp_path):
     # So noisy that 256 samples do not do.
     renders = MadeUp(sigma=1.8).install(monkeypatch)
     path = reference(tmp_path)
@@ -141,7 +139,7 @@ def test_what_a_check_is_to_find_it_finds_nearly_always(monkeypatch: pytest.Monk
 # ---- How it is rendered
 
 
-def test_it_is_rendered_as_the_reference_was_with_other_random_numbers(renders: MadeUp, tmp_path: Path) -> None:
+def test_it_is_rendered_as_the_reference_was_with_other_random_numbers(renders, tmp_path):
     path = reference(tmp_path, width=24)
     result = check_reference(path)
     first, second = renders.calls
@@ -155,7 +153,7 @@ def test_it_is_rendered_as_the_reference_was_with_other_random_numbers(renders: 
     assert (result.spp, result.seed) == (256, 12346)
 
 
-def test_the_seed_of_the_reference_is_refused(renders: MadeUp, tmp_path: Path) -> None:
+def test_the_seed_of_the_reference_is_refused(renders, tmp_path):
     path = reference(tmp_path)
     with pytest.raises(InputError, match="was rendered with the seed 12345 itself"):
         check_reference(path, CheckOptions(seed=12345))
@@ -163,14 +161,14 @@ def test_the_seed_of_the_reference_is_refused(renders: MadeUp, tmp_path: Path) -
         check_reference(path, CheckOptions(spp=15))
 
 
-def test_the_seed_behind_the_last_is_the_first(renders: MadeUp, tmp_path: Path) -> None:
+def test_the_seed_behind_the_last_is_the_first(renders, tmp_path):
     path = reference(tmp_path)
     kept = load_reference(path)
     save_reference(path, kept.mean, kept.variance, kept.recipe._replace(seed=2**32 - 1))
     assert check_reference(path).seed == 0
 
 
-def test_an_interrupt_ends_it(renders: MadeUp, tmp_path: Path) -> None:
+def test_an_interrupt_ends_it(renders, tmp_path):
     path = reference(tmp_path)
     renders.interrupted = True
     with pytest.raises(KeyboardInterrupt):
@@ -180,7 +178,7 @@ def test_an_interrupt_ends_it(renders: MadeUp, tmp_path: Path) -> None:
     assert [item.name for item in path.parent.iterdir()] == ["ball.npz"]
 
 
-def test_samples_that_are_not_finite_fail_unless_the_reference_had_some(renders: MadeUp, tmp_path: Path) -> None:
+def test_samples_that_are_not_finite_fail_unless_the_reference_had_some(renders, tmp_path):
     path = reference(tmp_path)
     renders.nan_samples = 2
     result = check_reference(path)
@@ -196,9 +194,7 @@ def test_samples_that_are_not_finite_fail_unless_the_reference_had_some(renders:
         ("film.white_balance", {"white_balance_gains": "0.5,1.0,2.0"}),
     ],
 )
-def test_gains_that_are_measured_do_not_fail_by_their_own_noise(
-    keys: str, image: dict, renders: MadeUp, tmp_path: Path
-) -> None:
+def test_gains_that_are_measured_do_not_fail_by_their_own_noise(keys, image, renders, tmp_path):
     scene = tmp_path / "ball.yaml"
     scene.write_text(SCENE, encoding="utf-8")
     renders.settings = image
@@ -229,7 +225,7 @@ def test_gains_that_are_measured_do_not_fail_by_their_own_noise(
 # ---- What is wrong
 
 
-def test_what_has_changed_is_named(renders: MadeUp, tmp_path: Path) -> None:
+def test_what_has_changed_is_named(renders, tmp_path):
     path = reference(tmp_path)
     scene = tmp_path / "ball.yaml"
     # Only how it is written.
@@ -242,7 +238,7 @@ def test_what_has_changed_is_named(renders: MadeUp, tmp_path: Path) -> None:
     assert result.sentence().endswith("; the scene has changed since the reference was rendered")
 
 
-def test_a_file_of_the_scene_that_has_changed_is_named(renders: MadeUp, tmp_path: Path) -> None:
+def test_a_file_of_the_scene_that_has_changed_is_named(renders, tmp_path):
     mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     (tmp_path / "mesh.obj").write_text(mesh)
     scene = tmp_path / "ball.yaml"
@@ -254,7 +250,7 @@ def test_a_file_of_the_scene_that_has_changed_is_named(renders: MadeUp, tmp_path
     assert check_reference(path).changes == ("mesh.obj",)
 
 
-def test_what_cannot_be_checked_says_why(renders: MadeUp, tmp_path: Path) -> None:
+def test_what_cannot_be_checked_says_why(renders, tmp_path):
     path = reference(tmp_path)
     scene = tmp_path / "ball.yaml"
 
@@ -275,7 +271,7 @@ def test_what_cannot_be_checked_says_why(renders: MadeUp, tmp_path: Path) -> Non
     assert "no such file" in check_reference(path).reason
 
 
-def test_a_picture_of_another_size_cannot_be_checked(renders: MadeUp, tmp_path: Path) -> None:
+def test_a_picture_of_another_size_cannot_be_checked(renders, tmp_path):
     path = reference(tmp_path)
     (tmp_path / "ball.yaml").write_text(SCENE.replace(f"width: {WIDTH}", "width: 40"), encoding="utf-8")
     result = check_reference(path)
@@ -283,7 +279,7 @@ def test_a_picture_of_another_size_cannot_be_checked(renders: MadeUp, tmp_path: 
     assert f"has 40 x {HEIGHT} pixels, and the reference {WIDTH} x {HEIGHT}" in result.reason
 
 
-def test_a_scene_that_is_built_in_code_is_checked_by_code_alone(renders: MadeUp, tmp_path: Path) -> None:
+def test_a_scene_that_is_built_in_code_is_checked_by_code_alone(renders, tmp_path):
     (tmp_path / "ball.yaml").write_text(SCENE, encoding="utf-8")
     spec = load(tmp_path / "ball.yaml")
     found = render_reference.prepare_reference_scene(spec, tmp_path, {"camera.vfov": 30}, 24)
@@ -298,13 +294,11 @@ def test_a_scene_that_is_built_in_code_is_checked_by_code_alone(renders: MadeUp,
         render_reference.load_recipe_scene(load_reference(path).recipe, tmp_path)
 
 
-def test_the_noise_behind_a_mosaic_is_not_known(
-    renders: MadeUp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_noise_behind_a_mosaic_is_not_known(renders, tmp_path, monkeypatch):
     path = reference(tmp_path)
 
-    def without_variance(*args: object, **settings: object) -> object:
-        rendered = renders(*args, **settings)  # type: ignore[arg-type]
+    def without_variance(*args, **settings):
+        rendered = renders(*args, **settings)
         rendered.image = dataclasses.replace(rendered.image, variance=None)
         return rendered
 
@@ -317,7 +311,7 @@ def test_the_noise_behind_a_mosaic_is_not_known(
 # ---- References to be rendered
 
 
-def test_a_picture_is_made_small_and_never_larger(tmp_path: Path) -> None:
+def test_a_picture_is_made_small_and_never_larger(tmp_path):
     scene = tmp_path / "ball.yaml"
     scene.write_text(SCENE, encoding="utf-8")
     assert render_reference.prepare_reference_scene(scene, tmp_path).overrides == {"render.sampler": "independent"}
@@ -339,12 +333,12 @@ def test_a_picture_is_made_small_and_never_larger(tmp_path: Path) -> None:
         render_reference.prepare_reference_scene(scene, tmp_path, width=None)
 
 
-def test_a_reference_takes_samples(renders: MadeUp, tmp_path: Path) -> None:
+def test_a_reference_takes_samples(renders, tmp_path):
     with pytest.raises(InputError, match="at least 16 samples per pixel"):
         reference(tmp_path, spp=15)
 
 
-def test_references_are_found_by_name(renders: MadeUp, tmp_path: Path) -> None:
+def test_references_are_found_by_name(renders, tmp_path):
     for name in ("cube", "ball"):
         reference(tmp_path, name)
     folder = tmp_path / "references"
@@ -361,6 +355,6 @@ def test_references_are_found_by_name(renders: MadeUp, tmp_path: Path) -> None:
         find_references(tmp_path / "empty")
 
 
-def test_the_made_up_picture_is_not_grey() -> None:
+def test_the_made_up_picture_is_not_grey():
     # Lest swapped channels be the same.
     assert np.ptp(truth().mean(axis=(0, 1))) > 0.1

@@ -19,12 +19,12 @@ TEST = 'def test_ball(rt_regression): rt_regression("../ball.yaml")\n'
 
 
 @pytest.fixture
-def renders(monkeypatch: pytest.MonkeyPatch) -> MadeUp:
+def renders(monkeypatch):
     return MadeUp().install(monkeypatch)
 
 
 @pytest.fixture(scope="module")
-def _imported(tmp_path_factory: pytest.TempPathFactory) -> None:
+def _imported(tmp_path_factory):
     """Import what a check does only when it needs it: Pytester forgets modules, and NumPy cannot be imported twice."""
     with pytest.MonkeyPatch.context() as patch:
         MadeUp().install(patch)
@@ -32,7 +32,7 @@ def _imported(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 @pytest.fixture
-def project(pytester: pytest.Pytester, renders: MadeUp, _imported: None) -> pytest.Pytester:
+def project(pytester, renders, _imported):
     """A scene, and a test of it in a folder."""
     (pytester.path / "ball.yaml").write_text(SCENE, encoding="utf-8")
     (pytester.path / "tests").mkdir()
@@ -40,11 +40,11 @@ def project(pytester: pytest.Pytester, renders: MadeUp, _imported: None) -> pyte
     return pytester
 
 
-def write(project: pytest.Pytester, test: str) -> None:
+def write(project, test):
     (project.path / "tests" / "test_ball.py").write_text(test, encoding="utf-8")
 
 
-def run(project: pytest.Pytester, *arguments: str) -> pytest.RunResult:
+def run(project, *arguments):
     settings = (
         "-p",
         "raytracer.pytest_plugin",
@@ -58,16 +58,16 @@ def run(project: pytest.Pytester, *arguments: str) -> pytest.RunResult:
     return project.runpytest_inprocess(*settings, *arguments)
 
 
-def reference(project: pytest.Pytester, name: str = "ball") -> Path:
+def reference(project, name="ball"):
     return project.path / "tests" / "references" / f"{name}.npz"
 
 
-def test_it_is_found_by_pytest_once_rt_is_installed() -> None:
+def test_it_is_found_by_pytest_once_rt_is_installed():
     plugins = {entry.name: entry.value for entry in importlib.metadata.entry_points(group="pytest11")}
     assert plugins["raytracer.pytest_plugin"] == "raytracer.analysis.regression.pytest_plugin"
 
 
-def test_it_costs_nothing_before_it_is_used() -> None:
+def test_it_costs_nothing_before_it_is_used():
     program = (
         "import sys, raytracer.analysis.regression.pytest_plugin as p; "
         "print(*(m for m in ('numpy', 'numba', 'yaml') if m in sys.modules))"
@@ -76,7 +76,7 @@ def test_it_costs_nothing_before_it_is_used() -> None:
     assert done.stdout.split() == []
 
 
-def test_a_reference_is_asked_for_rendered_and_kept(project: pytest.Pytester, renders: MadeUp) -> None:
+def test_a_reference_is_asked_for_rendered_and_kept(project, renders):
     # Without one the test fails, and says what to do.
     result = run(project)
     result.assert_outcomes(failed=1)
@@ -97,7 +97,7 @@ def test_a_reference_is_asked_for_rendered_and_kept(project: pytest.Pytester, re
     assert reference(project).read_bytes() == kept
 
 
-def test_a_picture_that_has_changed_fails_and_is_shown(project: pytest.Pytester, renders: MadeUp) -> None:
+def test_a_picture_that_has_changed_fails_and_is_shown(project, renders):
     run(project, "--rt-update")
     renders.change = lambda picture: 1.01 * picture
     result = run(project)
@@ -125,7 +125,7 @@ def test_a_picture_that_has_changed_fails_and_is_shown(project: pytest.Pytester,
     run(project).assert_outcomes(passed=1)
 
 
-def test_what_the_test_asks_for_is_what_is_rendered(project: pytest.Pytester, renders: MadeUp) -> None:
+def test_what_the_test_asks_for_is_what_is_rendered(project, renders):
     write(
         project,
         "def test_near(rt_regression):\n"
@@ -152,9 +152,7 @@ def test_what_the_test_asks_for_is_what_is_rendered(project: pytest.Pytester, re
         ("'../ball.yaml', spp=3", "a check takes at least 16 samples per pixel*"),
     ],
 )
-def test_what_does_not_fit_the_reference_fails(
-    call: str, sentence: str, project: pytest.Pytester, renders: MadeUp
-) -> None:
+def test_what_does_not_fit_the_reference_fails(call, sentence, project, renders):
     run(project, "--rt-update")
     (project.path / "other.yaml").write_text(SCENE, encoding="utf-8")
     write(project, f"def test_ball(rt_regression): rt_regression({call})\n")
@@ -163,7 +161,7 @@ def test_what_does_not_fit_the_reference_fails(
     result.stdout.fnmatch_lines([sentence])
 
 
-def test_a_broken_reference_is_rendered_anew(project: pytest.Pytester, renders: MadeUp) -> None:
+def test_a_broken_reference_is_rendered_anew(project, renders):
     run(project, "--rt-update")
     reference(project).write_bytes(b"text")
     result = run(project)
@@ -172,7 +170,7 @@ def test_a_broken_reference_is_rendered_anew(project: pytest.Pytester, renders: 
     run(project, "--rt-update").assert_outcomes(passed=1)
 
 
-def test_a_scene_that_the_test_builds_has_a_name(project: pytest.Pytester, renders: MadeUp) -> None:
+def test_a_scene_that_the_test_builds_has_a_name(project, renders):
     build = "import raytracer as rt\ndef test_ball(rt_regression):\n    scene = rt.load('ball.yaml')\n"
     write(project, build + "    rt_regression(scene, name='built')\n")
     run(project, "--rt-update").assert_outcomes(passed=1)
@@ -183,7 +181,7 @@ def test_a_scene_that_the_test_builds_has_a_name(project: pytest.Pytester, rende
     result.stdout.fnmatch_lines(["*built in code needs a name for its reference*"])
 
 
-def test_tests_that_run_at_once_share_the_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tests_that_run_at_once_share_the_processors(monkeypatch):
     monkeypatch.setattr("raytracer.rendering.worker_pool.available_threads", lambda: 8)
     monkeypatch.delenv("PYTEST_XDIST_WORKER_COUNT", raising=False)
     assert pytest_plugin._threads() is None
@@ -201,7 +199,7 @@ def test_tests_that_run_at_once_share_the_processors(monkeypatch: pytest.MonkeyP
         ('rt_regression("../ball.yaml")', "*ball.npz: cannot be written: *"),
     ],
 )
-def test_what_is_wrong_is_one_sentence(project: pytest.Pytester, call: str, says: str) -> None:
+def test_what_is_wrong_is_one_sentence(project, call, says):
     write(project, f"def test_ball(rt_regression): {call}\n")
     (project.path / "tests" / "references").write_text("no folder")
     result = run(project, "--rt-update")

@@ -24,11 +24,11 @@ RECIPE = Recipe(
 
 
 @pytest.fixture
-def mean() -> np.ndarray:
+def mean():
     return np.random.default_rng(1).random((45, 64, 3))
 
 
-def test_a_reference_is_read_as_it_was_written_and_has_the_same_bytes_twice(mean: np.ndarray, tmp_path: Path) -> None:
+def test_a_reference_is_read_as_it_was_written_and_has_the_same_bytes_twice(mean, tmp_path):
     for name in "ab":
         save_reference(tmp_path / f"{name}.npz", mean, mean / 1000, RECIPE)
     reference = load_reference(tmp_path / "a.npz")
@@ -39,13 +39,13 @@ def test_a_reference_is_read_as_it_was_written_and_has_the_same_bytes_twice(mean
     assert (tmp_path / "a.npz").stat().st_size < 2 * 4 * mean.size
 
 
-def test_a_recipe_may_leave_out_what_there_is_not(mean: np.ndarray, tmp_path: Path) -> None:
+def test_a_recipe_may_leave_out_what_there_is_not(mean, tmp_path):
     recipe = RECIPE._replace(scene=None, gains=None, overrides={})
     save_reference(tmp_path / "a.npz", mean, mean, recipe)
     assert load_reference(tmp_path / "a.npz").recipe == recipe
 
 
-def test_a_reference_is_small(tmp_path: Path) -> None:
+def test_a_reference_is_small(tmp_path):
     with pytest.raises(ValueError, match="128 pixels wide, got 129"):
         save_reference(tmp_path / "a.npz", np.ones((2, 129, 3)), np.ones((2, 129, 3)), RECIPE)
     with pytest.raises(ValueError, match="one shape"):
@@ -53,7 +53,7 @@ def test_a_reference_is_small(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_reference_that_is_missing_or_broken(mean: np.ndarray, tmp_path: Path) -> None:
+def test_a_reference_that_is_missing_or_broken(mean, tmp_path):
     path = tmp_path / "a.npz"
     with pytest.raises(InputError, match="no such file"):
         load_reference(path)
@@ -83,7 +83,7 @@ def test_a_reference_that_is_missing_or_broken(mean: np.ndarray, tmp_path: Path)
         ({}, {"overrides": 7}),
     ],
 )
-def test_an_archive_that_is_something_else(arrays: dict, settings: dict, tmp_path: Path) -> None:
+def test_an_archive_that_is_something_else(arrays, settings, tmp_path):
     own = {"mean": np.ones((4, 5, 3)), "variance": np.ones((4, 5, 3)), **arrays}
     buffer = io.BytesIO()
     text = json.dumps({**RECIPE._asdict(), **settings})
@@ -93,11 +93,11 @@ def test_an_archive_that_is_something_else(arrays: dict, settings: dict, tmp_pat
         load_reference(tmp_path / "a.npz")
 
 
-def test_what_is_pickled_is_not_run(tmp_path: Path) -> None:
+def test_what_is_pickled_is_not_run(tmp_path):
     marker = tmp_path / "run"
 
     class Harm:
-        def __reduce__(self) -> tuple:
+        def __reduce__(self):
             return Path.touch, (marker,)
 
     np.savez(tmp_path / "a.npz", mean=np.array([[Harm()]], dtype=object), variance=1, settings=json.dumps({}))
@@ -106,7 +106,7 @@ def test_what_is_pickled_is_not_run(tmp_path: Path) -> None:
     assert not marker.exists()
 
 
-def test_a_reference_is_not_unpacked_beyond_what_one_has(mean: np.ndarray, tmp_path: Path) -> None:
+def test_a_reference_is_not_unpacked_beyond_what_one_has(mean, tmp_path):
     path = tmp_path / "a.npz"
     save_reference(path, mean, mean, RECIPE)
     with np.load(path) as held:

@@ -4,7 +4,6 @@ import dataclasses
 import io
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from raytracer.analysis.sweep.manifest import write_manifest
 from raytracer.analysis.sweep.page import page as page_of
 from raytracer.analysis.sweep.page import point_numbers as numbers_of
 from raytracer.analysis.sweep.plan import enumerate_points
-from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
+from raytracer.analysis.sweep.results import Axis, PointResult
 from raytracer.analysis.sweep.run import sweep as rendered
 from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up
 
@@ -25,22 +24,22 @@ AT = "#camera.f_number={}&camera.focus_distance={}"
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
+def sweep(tmp_path_factory):
     made = made_up(tmp_path_factory.mktemp("sweep"), failed=((2, 1),), missing=((3, 2),))
     write_page(made)
     return made
 
 
-def write_page(made: Sweep) -> None:
+def write_page(made):
     """Write the page beside the pictures, as `output_layout` does."""
     (made.folder / "index.html").write_bytes(page_of(made, images))
 
 
 @pytest.fixture
-def opened(sweep: Sweep, open_page: Open) -> Callable[..., Any]:
+def opened(sweep, open_page):
     """The page, at a #fragment or not, once its first picture is there."""
 
-    def opened(fragment: str = "", **settings: Any) -> Any:
+    def opened(fragment="", **settings):
         page = open_page(sweep.folder / "index.html", fragment, **settings)
         page.locator("body[data-shown]").wait_for()
         return page
@@ -48,11 +47,11 @@ def opened(sweep: Sweep, open_page: Open) -> Callable[..., Any]:
     return opened
 
 
-def at(sweep: Sweep, *index: int) -> PointResult:
+def at(sweep, *index):
     return next(taken for taken in sweep.results if taken.point.index == index)
 
 
-def seen(page: Any, side: str = "left") -> np.ndarray:
+def seen(page, side="left"):
     """The picture that lies to one side of the divider, uint8 (height, width, 3)."""
     width, height, values = page.evaluate(
         """(side) => {
@@ -65,19 +64,19 @@ def seen(page: Any, side: str = "left") -> np.ndarray:
     return np.reshape(np.array(values, dtype=np.uint8), (height, width, 4))[..., :3]
 
 
-def in_file(sweep: Sweep, *index: int) -> np.ndarray:
+def in_file(sweep, *index):
     """The picture of a point as its file holds it."""
     with PIL.Image.open(sweep.folder / at(sweep, *index).files[0]) as file:
         return np.asarray(file)
 
 
-def wait(page: Any, *points: PointResult) -> None:
+def wait(page, *points):
     """Until the pictures of these points are shown."""
     names = " | ".join(taken.point.name for taken in points)
     page.locator(f'body[data-shown="{names}"]').wait_for()
 
 
-def numbers(page: Any, side: str = "a") -> dict[str, str]:
+def numbers(page, side="a"):
     """Read the table beside the picture, in full, by the numbers' keys."""
     return page.evaluate(
         """(side) => Object.fromEntries([...document.querySelectorAll("#differing tr[data-key], #same tr[data-key]")]
@@ -86,7 +85,7 @@ def numbers(page: Any, side: str = "a") -> dict[str, str]:
     )
 
 
-def test_sliders_choose_the_picture(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_sliders_choose_the_picture(opened, sweep):
     page = opened()
     np.testing.assert_array_equal(seen(page), in_file(sweep, 0, 0))
     aperture = page.get_by_role("slider", name="f_number, point A")
@@ -101,7 +100,7 @@ def test_sliders_choose_the_picture(opened: Callable[..., Any], sweep: Sweep) ->
     assert page.locator("#sliders output.a").all_inner_texts() == ["4", "5"]
 
 
-def test_all_pictures_are_at_hand_before_they_are_asked_for(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_all_pictures_are_at_hand_before_they_are_asked_for(opened, sweep):
     """Once all is decoded, what a slider chooses is drawn before its event is over."""
     page = opened()
     page.evaluate("Promise.all(points.map((point) => gallery.decode(point)))")
@@ -116,7 +115,7 @@ def test_all_pictures_are_at_hand_before_they_are_asked_for(opened: Callable[...
     assert shown == at(sweep, 1, 0).point.name
 
 
-def test_the_numbers_are_those_of_the_manifest(opened: Callable[..., Any], sweep: Sweep, tmp_path: Path) -> None:
+def test_the_numbers_are_those_of_the_manifest(opened, sweep, tmp_path):
     write_manifest(sweep, tmp_path)
     points = json.loads((tmp_path / "manifest.json").read_bytes())["points"]
     for index in ((0, 1), (1, 0)):
@@ -134,11 +133,11 @@ def test_the_numbers_are_those_of_the_manifest(opened: Callable[..., Any], sweep
         }
 
 
-def labels(index: tuple[int, ...]) -> tuple[str, ...]:
+def labels(index):
     return tuple(axis.labels[number] for axis, number in zip((F_NUMBER, FOCUS), index, strict=True))
 
 
-def test_a_metered_picture_has_the_light_that_was_metered() -> None:
+def test_a_metered_picture_has_the_light_that_was_metered():
     # f/2 and 1/125 s at ISO 1600, which the metering chose: log2(4 * 125 * 100 / 1600), where at ISO 100 it were 8.97.
     point = enumerate_points([Axis("camera.f_number", (2.0,), ("2",))])[0]
     taken = PointResult(
@@ -148,7 +147,7 @@ def test_a_metered_picture_has_the_light_that_was_metered() -> None:
     assert numbers_of(taken)["vfov_deg"] == 20.0
 
 
-def test_numbers_are_short_and_say_their_units(opened: Callable[..., Any]) -> None:
+def test_numbers_are_short_and_say_their_units(opened):
     page = opened(AT.format("1.4", "5"))
     rows = {row.get_attribute("data-key"): row.inner_text().split("\t") for row in page.locator("#differing tr").all()}
     assert rows["error"][0] == "relative error"
@@ -162,7 +161,7 @@ def test_numbers_are_short_and_say_their_units(opened: Callable[..., Any]) -> No
     assert page.locator("#same tr[data-key=vfov_deg]").inner_text().split("\t") == ["vertical field of view", "20", "°"]
 
 
-def test_a_failed_point_says_why(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_a_failed_point_says_why(opened, sweep):
     page = opened(AT.format("2.8", "5"))
     assert page.locator("#trouble").inner_text() == f"failed: {at(sweep, 2, 1).reason}"
     assert "1 of 12 points failed." in page.locator("#notes").inner_text()
@@ -176,7 +175,7 @@ def test_a_failed_point_says_why(opened: Callable[..., Any], sweep: Sweep) -> No
     np.testing.assert_array_equal(seen(page), in_file(sweep, 2, 2))
 
 
-def test_arrow_keys_go_along_rows_and_columns(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_arrow_keys_go_along_rows_and_columns(opened, sweep):
     page = opened()
     for key, index in (("ArrowDown", (1, 0)), ("ArrowRight", (1, 1)), ("ArrowUp", (0, 1)), ("ArrowUp", (0, 1))):
         page.keyboard.press(key)
@@ -184,7 +183,7 @@ def test_arrow_keys_go_along_rows_and_columns(opened: Callable[..., Any], sweep:
     assert page.get_by_role("slider", name="focus_distance, point A").input_value() == "1"
 
 
-def test_a_picture_of_the_overview_is_chosen_by_a_click(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_a_picture_of_the_overview_is_chosen_by_a_click(opened, sweep):
     page = opened()
     cells = page.locator("#overview .cell")
     assert cells.count() == 12
@@ -198,7 +197,7 @@ def test_a_picture_of_the_overview_is_chosen_by_a_click(opened: Callable[..., An
     assert cells.nth(7).inner_text() == "failed"
 
 
-def test_two_points_are_wiped(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_two_points_are_wiped(opened, sweep):
     page = opened(AT.format("1.4", "10"))
     assert not page.locator(".wipe-divider").is_visible()
     page.get_by_role("button", name="Compare").click()
@@ -232,7 +231,7 @@ def test_two_points_are_wiped(opened: Callable[..., Any], sweep: Sweep) -> None:
     wait(page, at(sweep, 1, 2))
 
 
-def test_the_address_says_what_is_seen(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_the_address_says_what_is_seen(opened, sweep):
     """What is sent to somebody else is what they see."""
     page = opened(AT.format("2", "5") + "&vs.camera.f_number=1.4&vs.camera.focus_distance=10")
     wait(page, at(sweep, 1, 1), at(sweep, 0, 2))
@@ -245,7 +244,7 @@ def test_the_address_says_what_is_seen(opened: Callable[..., Any], sweep: Sweep)
     wait(page, at(sweep, 1, 1), at(sweep, 0, 2))
 
 
-def test_the_table_of_all_points_is_sorted(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_the_table_of_all_points_is_sorted(opened, sweep):
     page = opened()
     page.get_by_text("Numbers of all points").click()
     head = page.locator("#all th[title=far_limit_m] button")
@@ -260,7 +259,7 @@ def test_the_table_of_all_points_is_sorted(opened: Callable[..., Any], sweep: Sw
     assert page.locator("#all tbody tr[data-at=a]").count() == 1
 
 
-def test_it_runs_through_the_values(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_it_runs_through_the_values(opened, sweep):
     page = opened()
     play = page.get_by_role("button", name="run through focus_distance")
     play.click()
@@ -271,7 +270,7 @@ def test_it_runs_through_the_values(opened: Callable[..., Any], sweep: Sweep) ->
 
 
 @pytest.mark.parametrize("size", [(360, 640), (1600, 900)])
-def test_nothing_is_wider_than_the_window(opened: Callable[..., Any], size: tuple[int, int]) -> None:
+def test_nothing_is_wider_than_the_window(opened, size):
     page = opened(AT.format("1.4", "5") + "&vs.camera.f_number=2", size=size, color_scheme="dark")
     assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
     dark = page.evaluate("getComputedStyle(document.body).backgroundColor")
@@ -280,7 +279,7 @@ def test_nothing_is_wider_than_the_window(opened: Callable[..., Any], size: tupl
     assert (sliders["y"] > picture["y"] + picture["height"]) == (size[0] < 800)
 
 
-def test_names_are_text(open_page: Open, tmp_path: Path) -> None:
+def test_names_are_text(open_page, tmp_path):
     """Whatever a scene calls its parts, and whatever goes wrong, is shown as it is written."""
     made = made_up(tmp_path, (ALBEDO, F_NUMBER, FOCUS), failed=((0, 0, 0),))
     made = dataclasses.replace(made, scene="/home/me/<b>&amp;.yaml")
@@ -299,7 +298,7 @@ def test_names_are_text(open_page: Open, tmp_path: Path) -> None:
     wait(page, at(made, 0, 2, 0))
 
 
-def test_zipped_axes_have_one_slider(open_page: Open, tmp_path: Path) -> None:
+def test_zipped_axes_have_one_slider(open_page, tmp_path):
     focus = FOCUS._replace(values=(2.0, 5.0, 10.0, 20.0), labels=("2", "5", "10", "20"))
     made = made_up(tmp_path, (F_NUMBER, focus), zipped=True)
     write_page(made)
@@ -323,7 +322,7 @@ objects: [{type: sphere, center: [0, 0, 0], radius: 1, material: grey}]
 
 
 @pytest.mark.slow
-def test_a_sweep_that_was_rendered(open_page: Open, tmp_path: Path) -> None:
+def test_a_sweep_that_was_rendered(open_page, tmp_path):
     """From the command line's function to the screen: pictures are the files', numbers the manifest's."""
     (tmp_path / "ball.yaml").write_text(SCENE)
     values = {"camera.f_number": "1.4,8", "camera.focus_distance": "2:5:2"}
@@ -346,7 +345,7 @@ def test_a_sweep_that_was_rendered(open_page: Open, tmp_path: Path) -> None:
 # ---- without a browser ----
 
 
-def test_many_pixels_are_held_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_pixels_are_held_smaller(monkeypatch):
     """What a browser could not hold becomes as many pixels as it can, and the page says so."""
     made = made_up(None)
     exact = page_of(made, images)
@@ -359,6 +358,6 @@ def test_many_pixels_are_held_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
     assert f'"size":[{WIDTH // 2},{HEIGHT // 2}]'.encode() in smaller
 
 
-def test_a_sweep_without_any_picture_has_a_page() -> None:
+def test_a_sweep_without_any_picture_has_a_page():
     made = made_up(None, (F_NUMBER,), failed=((0,), (1,), (2,), (3,)))
     assert b"4 of 4 points failed." in page_of(made, images)

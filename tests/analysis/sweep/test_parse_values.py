@@ -9,11 +9,11 @@ from raytracer.analysis.sweep.parse_values import parse_value, parse_value_text
 from raytracer.util.errors import SceneError
 
 
-def _values(text: str, key: str = "camera.focus_distance") -> tuple[object, ...]:
+def _values(text, key="camera.focus_distance"):
     return parse_value_text(key, text, f"-D {key}={text}").axis.values
 
 
-def _labels(text: str, key: str = "camera.focus_distance") -> tuple[str, ...]:
+def _labels(text, key="camera.focus_distance"):
     return parse_value_text(key, text, f"-D {key}={text}").axis.labels
 
 
@@ -44,19 +44,19 @@ def _labels(text: str, key: str = "camera.focus_distance") -> tuple[str, ...]:
         ("50 mm:2 m:3", ("0.05 m", "1.025 m", "2 m")),
     ],
 )
-def test_a_text_stands_for_these_values(text: str, values: tuple[object, ...]) -> None:
+def test_a_text_stands_for_these_values(text, values):
     found = _values(text)
     assert found == values
     assert [type(value) for value in found] == [type(value) for value in values]
 
 
 @pytest.mark.parametrize("text", ["2", "ball", "[1, 0, 0]", "{type: box}", "1/125 s", ""])
-def test_one_value_is_no_axis(text: str) -> None:
+def test_one_value_is_no_axis(text):
     assert parse_value_text("camera.vfov", text, "").fixed
 
 
 @pytest.mark.parametrize("text", ["2,3", "2:2:1", "1:2:2"])
-def test_several_values_or_a_range_are_an_axis(text: str) -> None:
+def test_several_values_or_a_range_are_an_axis(text):
     assert not parse_value_text("camera.vfov", text, "").fixed
 
 
@@ -73,11 +73,11 @@ def test_several_values_or_a_range_are_an_axis(text: str) -> None:
         ("'a b',c", ("a b", "c")),
     ],
 )
-def test_labels_are_as_written_or_short(text: str, labels: tuple[str, ...]) -> None:
+def test_labels_are_as_written_or_short(text, labels):
     assert _labels(text) == labels
 
 
-def test_labels_of_long_values_differ() -> None:
+def test_labels_of_long_values_differ():
     start = "a" * 60
     labels = _labels(f"{start}b,{start}c")
     assert len(set(labels)) == 2
@@ -113,17 +113,17 @@ def test_labels_of_long_values_differ() -> None:
         ("ball,ball", "the value ball twice"),
     ],
 )
-def test_what_is_wrong_is_said(text: str, says: str) -> None:
+def test_what_is_wrong_is_said(text, says):
     with pytest.raises(ValueError, match=says.replace("(", r"\(")):
         _values(text)
 
 
-def test_a_value_that_is_not_yaml_names_its_option() -> None:
+def test_a_value_that_is_not_yaml_names_its_option():
     with pytest.raises(SceneError, match=r"-D camera.look_from=\[1,0: not valid YAML"):
         _values("[1,0", "camera.look_from")
 
 
-def test_lists_arrays_and_ranges_of_python_are_axes() -> None:
+def test_lists_arrays_and_ranges_of_python_are_axes():
     assert parse_value("k", np.linspace(0.0, 1.0, 3), "k").axis.values == (0.0, 0.5, 1.0)
     assert parse_value("k", range(3), "k").axis.values == (0, 1, 2)
     assert parse_value("k", ("2 m", [1, 0, 0], None), "k").axis.labels == ("2 m", "[1, 0, 0]", "null")
@@ -132,5 +132,5 @@ def test_lists_arrays_and_ranges_of_python_are_axes() -> None:
         parse_value("k", [], "k")
 
 
-def test_a_list_of_python_holds_values_and_no_ranges() -> None:
+def test_a_list_of_python_holds_values_and_no_ranges():
     assert parse_value("k", ["1:2:3", "a,b"], "k").axis.values == ("1:2:3", "a,b")

@@ -1,7 +1,5 @@
 """Files of sweeps, and what is the same for all points."""
 
-from pathlib import Path
-
 import pytest
 
 from raytracer.analysis.sweep.plan import make_plan, parse_definitions
@@ -17,32 +15,32 @@ objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: {ty
 
 
 @pytest.fixture
-def scene(tmp_path: Path) -> Path:
+def scene(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text(SCENE)
     return path
 
 
-def _sweep(scene: Path, text: str) -> Path:
+def _sweep(scene, text):
     path = scene.parent / "sweep.yaml"
     path.write_text(text)
     return path
 
 
-def test_single_values_are_the_same_for_all_points(scene: Path) -> None:
+def test_single_values_are_the_same_for_all_points(scene):
     plan = make_plan(scene, {"camera.f_number": "2,4", "film.width": "16", "film.height": 12})
     assert [axis.key for axis in plan.axes] == ["camera.f_number"]
     assert (plan.spec.film.width, plan.spec.film.height) == (16, 12)
     assert plan.name == str(scene)
 
 
-def test_a_scene_in_memory(scene: Path) -> None:
+def test_a_scene_in_memory(scene):
     plan = make_plan(load(scene), {"camera.f_number": [2, 4], "film.width": 16})
     assert plan.spec.film.width == 16
     assert plan.axes[0].values == (2, 4)
 
 
-def test_a_file_of_a_sweep(scene: Path) -> None:
+def test_a_file_of_a_sweep(scene):
     path = _sweep(
         scene,
         """\
@@ -62,7 +60,7 @@ zip: false
     assert not plan.zipped
 
 
-def test_options_stand_in_place_of_what_the_file_says(scene: Path) -> None:
+def test_options_stand_in_place_of_what_the_file_says(scene):
     path = _sweep(scene, "{scene: scene.yaml, sweep: {camera.f_number: '1.4,2'}, zip: true}")
     plan = make_plan(path, {"camera.f_number": "8,11", "camera.focus_distance": "1,2"})
     assert [axis.values for axis in plan.axes] == [(8, 11), (1, 2)]
@@ -86,13 +84,13 @@ def test_options_stand_in_place_of_what_the_file_says(scene: Path) -> None:
         ("scene: scene.yaml\ndefine: {film.with: 1}\nsweep: {film.height: [1, 2]}\n", r"did you mean 'width'"),
     ],
 )
-def test_errors_name_file_and_line(scene: Path, text: str, says: str) -> None:
+def test_errors_name_file_and_line(scene, text, says):
     with pytest.raises(SceneError, match=says):
         make_plan(_sweep(scene, text), {})
 
 
 @pytest.mark.parametrize("section", ["sweep", "define"])
-def test_a_file_of_thousands_of_keys_is_refused_at_once(scene: Path, section: str) -> None:
+def test_a_file_of_thousands_of_keys_is_refused_at_once(scene, section):
     keys = ", ".join(f"camera.k{i}: 1" for i in range(20_000))
     other = "define" if section == "sweep" else "sweep"
     path = _sweep(scene, f"scene: scene.yaml\n{section}: {{{keys}}}\n{other}: {{camera.f_number: [2, 4]}}\n")
@@ -100,14 +98,14 @@ def test_a_file_of_thousands_of_keys_is_refused_at_once(scene: Path, section: st
         make_plan(path, {})
 
 
-def test_a_scene_that_needs_a_key_may_get_it_from_an_axis(scene: Path) -> None:
+def test_a_scene_that_needs_a_key_may_get_it_from_an_axis(scene):
     scene.write_text(SCENE.replace("width: 8, ", ""))
     with pytest.raises(SceneError, match=r"film\.width: is missing"):
         load(scene)
     assert make_plan(scene, {"film.width": "8,16"}).spec.film.width == 8
 
 
-def test_the_first_value_may_be_wrong_where_others_are_not(scene: Path) -> None:
+def test_the_first_value_may_be_wrong_where_others_are_not(scene):
     """It fails as a point, and the others are rendered."""
     assert make_plan(scene, {"camera.f_number": "-1,2"}).axes[0].values == (-1, 2)
 
@@ -119,12 +117,12 @@ def test_the_first_value_may_be_wrong_where_others_are_not(scene: Path) -> None:
         (["a=1,2", "a=3"], "a is given twice"),
     ],
 )
-def test_options_that_are_none(definitions: list[str], says: str) -> None:
+def test_options_that_are_none(definitions, says):
     with pytest.raises(InputError, match=says):
         parse_definitions(definitions)
 
 
-def test_an_option_with_a_wrong_text_is_named(scene: Path) -> None:
+def test_an_option_with_a_wrong_text_is_named(scene):
     with pytest.raises(InputError, match=r"^-D camera.f_number=2:10: is a range without a count"):
         make_plan(scene, {"camera.f_number": "2:10"})
     with pytest.raises(InputError, match=r"^-D camera..f_number=2,3: 'camera..f_number' is not a path"):

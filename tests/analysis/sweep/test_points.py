@@ -8,29 +8,29 @@ from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
 from raytracer.util.errors import InputError
 
 
-def _axes(**texts: str) -> list[Axis]:
+def _axes(**texts):
     return [parse_value_text(key.replace("__", "."), text, "").axis for key, text in texts.items()]
 
 
-def test_all_combinations_the_last_axis_fastest() -> None:
+def test_all_combinations_the_last_axis_fastest():
     points = enumerate_points(_axes(camera__f_number="1.4,2", camera__focus_distance="1,2,3"))
     assert [point.index for point in points] == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
     assert points[4].values == {"camera.f_number": 2, "camera.focus_distance": 2}
     assert points[4].name == "f_number=2_focus_distance=2"
 
 
-def test_pairs() -> None:
+def test_pairs():
     points = enumerate_points(_axes(camera__shutter="1/1000..1/125", camera__iso="800..100"), zipped=True)
     assert [point.index for point in points] == [(0, 0), (1, 1), (2, 2), (3, 3)]
     assert points[3].name == "shutter=1-125s_iso=100"
 
 
-def test_pairs_need_as_many_values_each() -> None:
+def test_pairs_need_as_many_values_each():
     with pytest.raises(InputError, match=r"a has 2, b has 3"):
         enumerate_points(_axes(a="1,2", b="1,2,3"), zipped=True)
 
 
-def test_nothing_to_sweep_and_too_much() -> None:
+def test_nothing_to_sweep_and_too_much():
     with pytest.raises(InputError, match="nothing to sweep"):
         enumerate_points([])
     with pytest.raises(InputError, match=r"1,001 points, more than the 1,000 that --max-points allows"):
@@ -40,12 +40,12 @@ def test_nothing_to_sweep_and_too_much() -> None:
     assert len(enumerate_points(_axes(a="1:2:1001"), most=1001)) == 1001
 
 
-def test_names_are_of_letters_that_every_file_system_takes() -> None:
+def test_names_are_of_letters_that_every_file_system_takes():
     points = enumerate_points([Axis("a.b", (1, 2, 3, 4), ("[-1, 0, 2.5]", "C:\\x/y?*", "..", "-inf m"))])
     assert [point.name for point in points] == ["b=-1,0,2.5", "b=C-x-y", "b=.3", "b=-infm"]
 
 
-def test_names_differ_where_case_or_signs_do_not_count() -> None:
+def test_names_differ_where_case_or_signs_do_not_count():
     points = enumerate_points([Axis("camera.focus_on", ("Ball", "ball", "a/b", "a-b"), ("Ball", "ball", "a/b", "a-b"))])
     assert len({point.name.casefold() for point in points}) == 4
 
@@ -57,26 +57,26 @@ def test_names_differ_where_case_or_signs_do_not_count() -> None:
         [Axis("x.a", ("1", "1_b=2"), ("1", "1_b=2")), Axis("x.b", ("3", "2_b=3"), ("3", "2_b=3"))],
     ],
 )
-def test_names_differ_whatever_values_are_called(axes: list[Axis]) -> None:
+def test_names_differ_whatever_values_are_called(axes):
     names = [point.name.casefold() for point in enumerate_points(axes)]
     assert len(set(names)) == len(names)
 
 
-def test_keys_that_end_alike_are_named_in_full() -> None:
+def test_keys_that_end_alike_are_named_in_full():
     (point, *_) = enumerate_points(
         [Axis(f"objects[{i}].radius", (1,), ("1",)) for i in (3, 4)] + [Axis("x.y", (2,), ("2",))]
     )
     assert point.name == "objects.3.radius=1_objects.4.radius=1_y=2"
 
 
-def test_names_that_no_file_could_have_are_numbers() -> None:
+def test_names_that_no_file_could_have_are_numbers():
     axes = [Axis(f"camera.key_{i}", ("x", "y"), ("x" * 40, "y" * 40)) for i in range(5)]
     points = enumerate_points(axes)
     assert points[1].name == "point_1_1_1_1_2"
     assert len({point.name for point in points}) == 32
 
 
-def test_a_sweep_says_in_a_line_what_it_is() -> None:
+def test_a_sweep_says_in_a_line_what_it_is():
     axes = (Axis("camera.f_number", (1.4, 2), ("1.4", "2")), Axis("camera.vfov", (20,), ("20",)))
     first, second = enumerate_points(axes)
     taken = (PointResult(first, "done"), PointResult(second, "failed", "no lens"))

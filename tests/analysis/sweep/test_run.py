@@ -23,7 +23,6 @@ from raytracer.analysis.sweep.run import sweep
 from raytracer.film import image_file
 from raytracer.film.image import Image
 from raytracer.rendering import worker_pool
-from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.session import Rendered
 from raytracer.rendering.statistics import Stats
@@ -32,14 +31,13 @@ from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack
 from raytracer.util import atomic_write
 from raytracer.util.errors import InputError, OutputError, SceneWarning, StrictError
-from raytracer.util.progress import BatchProgress
 from tests.analysis.sweep.test_plan import SCENE
 
 VALUES = {"camera.f_number": "1.4,2,2.8", "camera.focus_distance": "2,5"}
 
 
 @pytest.fixture
-def scene(tmp_path: Path) -> Path:
+def scene(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text(SCENE)
     return path
@@ -48,12 +46,12 @@ def scene(tmp_path: Path) -> Path:
 class FakeReady:
     """A scene made ready whose picture is of one colour, by its camera's numbers."""
 
-    def __init__(self, spec: Any, behave: Callable[[Any], None] | None, **settings: Any) -> None:
+    def __init__(self, spec, behave, **settings):
         self.packed = pack(spec)
         self.settings = settings
         self._behave = behave
 
-    def render(self, *, progress: Callable[[Progress], None], checkpoint_writer: Any = None) -> Rendered:
+    def render(self, *, progress, checkpoint_writer=None):
         progress(Progress(1, 2, 0.0))
         camera = self.packed.spec.camera
         interrupted = False
@@ -73,15 +71,15 @@ class FakeReady:
 class Bench:
     """Counts what was made ready and rendered; `behave` is called in each render."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.rendered: list[tuple[float, float]] = []
         self.settings: list[dict[str, Any]] = []
         self.behave: Callable[[Any], None] | None = None
 
-    def ready(self, spec: Any, options: RenderOptions, **settings: Any) -> FakeReady:
+    def ready(self, spec, options, **settings):
         self.settings.append({**vars(options), **settings})
 
-        def noted(camera: Any) -> None:
+        def noted(camera):
             if self.behave is not None:
                 self.behave(camera)
             self.rendered.append((camera.f_number, camera.focus_distance))
@@ -90,21 +88,21 @@ class Bench:
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+def bench(monkeypatch):
     made = Bench()
     monkeypatch.setattr(prepare_points, "prepare_scene", made.ready)
     monkeypatch.setattr(run, "render_prepared", lambda prepared, **keys: prepared.render(**keys))
     return made
 
 
-def _pictures(folder: Path) -> dict[str, bytes]:
+def _pictures(folder):
     return {path.name: path.read_bytes() for path in folder.glob("*.png")}
 
 
 # ---- What there is afterwards
 
 
-def test_a_folder_holds_pictures_numbers_sheet_and_page(scene: Path, tmp_path: Path, bench: Bench) -> None:
+def test_a_folder_holds_pictures_numbers_sheet_and_page(scene, tmp_path, bench):
     folder = tmp_path / "out"
     result = sweep(scene, VALUES, folder=folder, formats=["exr", "png"], animate=["gif"])
     names = {f"f_number={n}_focus_distance={d}" for n in ("1.4", "2", "2.8") for d in (2, 5)}
@@ -116,7 +114,7 @@ def test_a_folder_holds_pictures_numbers_sheet_and_page(scene: Path, tmp_path: P
     assert image_file.load(folder / "f_number=2_focus_distance=5.exr") == pytest.approx(0.25)
 
 
-def test_the_manifest_tells_values_and_numbers(scene: Path, tmp_path: Path, bench: Bench) -> None:
+def test_the_manifest_tells_values_and_numbers(scene, tmp_path, bench):
     """Of a 50 mm lens at f/2 the pupil is 25 mm wide."""
     folder = tmp_path / "out"
     sweep(scene, VALUES | {"camera.focus_distance": "5,inf"}, folder=folder)
@@ -136,7 +134,7 @@ def test_the_manifest_tells_values_and_numbers(scene: Path, tmp_path: Path, benc
     assert (told["points"][0]["status"], told["interrupted"], told["zipped"]) == ("done", False, False)
 
 
-def test_in_memory_images_are_in_the_order_of_the_axes(scene: Path, bench: Bench) -> None:
+def test_in_memory_images_are_in_the_order_of_the_axes(scene, bench):
     result = sweep(load(scene), {"camera.f_number": [1.4, 2.0, 2.8], "camera.focus_distance": np.array([2.0, 5.0])})
     assert result.images.shape == result.shape == (3, 2)
     assert result.images[2, 1].radiance == pytest.approx(0.28 + 0.05)
@@ -144,19 +142,19 @@ def test_in_memory_images_are_in_the_order_of_the_axes(scene: Path, bench: Bench
     assert stale_images(result) == []
 
 
-def test_pairs(scene: Path, bench: Bench) -> None:
+def test_pairs(scene, bench):
     result = sweep(scene, {"camera.f_number": [1.4, 2.0], "camera.focus_distance": [2.0, 5.0]}, zipped=True)
     assert result.images.shape == (2,)
     assert bench.rendered == [(1.4, 2.0), (2.0, 5.0)]
 
 
-def test_images_in_a_folder_are_not_in_memory(scene: Path, tmp_path: Path, bench: Bench) -> None:
+def test_images_in_a_folder_are_not_in_memory(scene, tmp_path, bench):
     result = sweep(scene, VALUES, folder=tmp_path / "out")
     with pytest.raises(InputError, match="files in"):
         _ = result.images
 
 
-def test_settings_reach_every_point(scene: Path, bench: Bench) -> None:
+def test_settings_reach_every_point(scene, bench):
     sweep(scene, VALUES, seed=7, noise=0.02, time_limit=3.0, crop=(0, 0, 2, 2), threads=2, preview=True, spp=64)
     assert len(bench.settings) == 6
     for settings in bench.settings:
@@ -166,15 +164,15 @@ def test_settings_reach_every_point(scene: Path, bench: Bench) -> None:
     assert len(caches) == 1
 
 
-def test_so_do_a_cluster_and_what_else_is_asked_for(scene: Path, bench: Bench) -> None:
-    cluster: Any = object()
+def test_so_do_a_cluster_and_what_else_is_asked_for(scene, bench):
+    cluster = object()
     sweep(scene, VALUES, strict=True, denoise=True, aovs=["depth"], cluster=cluster)
     for settings in bench.settings:
         assert settings["cluster"] is cluster
         assert (settings["strict"], settings["denoise"], settings["aovs"]) == (True, True, ("depth",))
 
 
-def test_a_preview_is_small_and_has_few_samples(scene: Path, bench: Bench) -> None:
+def test_a_preview_is_small_and_has_few_samples(scene, bench):
     result = sweep(scene, VALUES | {"film.width": 960, "film.height": 480}, preview=True)
     assert {settings["spp"] for settings in bench.settings} == {16}
     assert len(result.results) == 6
@@ -183,7 +181,7 @@ def test_a_preview_is_small_and_has_few_samples(scene: Path, bench: Bench) -> No
 # ---- Going on
 
 
-def test_run_again_it_renders_nothing_and_changes_nothing(scene: Path, tmp_path: Path, bench: Bench) -> None:
+def test_run_again_it_renders_nothing_and_changes_nothing(scene, tmp_path, bench):
     folder = tmp_path / "out"
     sweep(scene, VALUES, folder=folder, animate=["webp"])
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
@@ -194,7 +192,7 @@ def test_run_again_it_renders_nothing_and_changes_nothing(scene: Path, tmp_path:
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
-def test_only_what_is_missing_is_rendered(scene: Path, tmp_path: Path, bench: Bench) -> None:
+def test_only_what_is_missing_is_rendered(scene, tmp_path, bench):
     """A point is done if its input is the same and its files hold what they did."""
     folder = tmp_path / "out"
     sweep(scene, VALUES, folder=folder)
@@ -219,7 +217,7 @@ def test_only_what_is_missing_is_rendered(scene: Path, tmp_path: Path, bench: Be
         {"preview": True},
     ],
 )
-def test_other_settings_are_other_pictures(scene: Path, tmp_path: Path, bench: Bench, change: dict[str, Any]) -> None:
+def test_other_settings_are_other_pictures(scene, tmp_path, bench, change):
     values = {"camera.f_number": "2,4"}
     sweep(scene, values | {"camera.focus_distance": 2}, folder=tmp_path / "out")
     bench.rendered.clear()
@@ -227,9 +225,7 @@ def test_other_settings_are_other_pictures(scene: Path, tmp_path: Path, bench: B
     assert len(bench.rendered) == 2
 
 
-def test_a_changed_scene_is_rendered_again_and_a_comment_is_no_change(
-    scene: Path, tmp_path: Path, bench: Bench
-) -> None:
+def test_a_changed_scene_is_rendered_again_and_a_comment_is_no_change(scene, tmp_path, bench):
     folder = tmp_path / "out"
     sweep(scene, VALUES, folder=folder)
     bench.rendered.clear()
@@ -240,9 +236,7 @@ def test_a_changed_scene_is_rendered_again_and_a_comment_is_no_change(
     assert len(bench.rendered) == 6
 
 
-def test_a_file_that_changes_during_a_sweep_and_back_is_rendered_again(
-    scene: Path, tmp_path: Path, bench: Bench
-) -> None:
+def test_a_file_that_changes_during_a_sweep_and_back_is_rendered_again(scene, tmp_path, bench):
     """Records are of what was read, not of what was there at the beginning; what changes while it is read has none."""
     sky = tmp_path / "sky.npy"
     before, after = np.full((2, 4, 3), 1.0), np.full((2, 4, 3), 2.0)
@@ -256,7 +250,7 @@ def test_a_file_that_changes_during_a_sweep_and_back_is_rendered_again(
 
     made, reads = bench.ready, []
 
-    def ready(spec: Any, options: RenderOptions, **settings: Any) -> FakeReady:
+    def ready(spec, options, **settings):
         reads.append(spec.camera.f_number)
         if spec.camera.f_number == 2.0:
             np.save(sky, after)
@@ -266,7 +260,7 @@ def test_a_file_that_changes_during_a_sweep_and_back_is_rendered_again(
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(prepare_points, "prepare_scene", ready)
-        told: list[str] = []
+        told = []
         found = sweep(scene, values, folder=folder, warn=told.append)
     assert [taken.status for taken in found.results] == ["done"] * 4
     assert [sentence.partition(":")[0] for sentence in told] == ["f_number=2", "f_number=4"]
@@ -275,14 +269,12 @@ def test_a_file_that_changes_during_a_sweep_and_back_is_rendered_again(
     assert [f_number for f_number, _ in bench.rendered] == [2.0, 2.8, 4.0]
 
 
-def test_the_manifest_is_not_written_after_every_point(
-    scene: Path, tmp_path: Path, bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_manifest_is_not_written_after_every_point(scene, tmp_path, bench, monkeypatch):
     """It tells of all points: after 1, 2, 4, 8 of them, and at the end."""
-    told: list[int] = []
+    told = []
     write = run.write_manifest
 
-    def counted(result: Any, folder: Path) -> None:
+    def counted(result, folder):
         told.append(sum(taken.status == "done" for taken in result.results))
         write(result, folder)
 
@@ -292,7 +284,7 @@ def test_the_manifest_is_not_written_after_every_point(
     assert told == [1, 2, 4, 8, 9]
 
 
-def test_another_format_is_rendered_for(scene: Path, tmp_path: Path, bench: Bench) -> None:
+def test_another_format_is_rendered_for(scene, tmp_path, bench):
     folder = tmp_path / "out"
     sweep(scene, VALUES, folder=folder)
     assert sweep(scene, VALUES, folder=folder, formats=["exr"]).reused == 0
@@ -303,9 +295,7 @@ class _Killed(BaseException):
     """As if the process had been killed."""
 
 
-def test_killed_at_any_write_it_ends_in_the_same_files(
-    scene: Path, tmp_path: Path, bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_killed_at_any_write_it_ends_in_the_same_files(scene, tmp_path, bench, monkeypatch):
     values = {"camera.f_number": "1.4,2", "camera.focus_distance": 2}
     sweep(scene, values, folder=tmp_path / "whole")
     replace, killed = os.replace, 0
@@ -313,7 +303,7 @@ def test_killed_at_any_write_it_ends_in_the_same_files(
         folder = tmp_path / f"killed_{last}"
         count = 0
 
-        def dying(source: Path, target: Path) -> None:
+        def dying(source, target):
             nonlocal count
             if count == last:  # noqa: B023
                 raise _Killed
@@ -343,7 +333,7 @@ def test_killed_at_any_write_it_ends_in_the_same_files(
 # ---- What goes wrong
 
 
-def test_a_failed_point_is_told_and_does_not_end_the_others(scene: Path, tmp_path: Path, bench: Bench) -> None:
+def test_a_failed_point_is_told_and_does_not_end_the_others(scene, tmp_path, bench):
     folder, told = tmp_path / "out", []
     result = sweep(
         scene, {"camera.f_number": "-1,2,4", "camera.focus_distance": "2"}, folder=folder, report=told.append
@@ -356,8 +346,8 @@ def test_a_failed_point_is_told_and_does_not_end_the_others(scene: Path, tmp_pat
     assert row["file"] == ""
 
 
-def test_a_failed_render_is_tried_again(scene: Path, tmp_path: Path, bench: Bench) -> None:
-    def fail(camera: Any) -> None:
+def test_a_failed_render_is_tried_again(scene, tmp_path, bench):
+    def fail(camera):
         if camera.f_number == 2.0 and camera.focus_distance == 5.0:
             raise RuntimeError("no\nluck")
 
@@ -373,12 +363,10 @@ def test_a_failed_render_is_tried_again(scene: Path, tmp_path: Path, bench: Benc
     assert bench.rendered == [(2.0, 5.0)]
 
 
-def test_what_cannot_be_saved_has_failed(
-    scene: Path, tmp_path: Path, bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_saved_has_failed(scene, tmp_path, bench, monkeypatch):
     save = Image.save
 
-    def full(image: Image, path: Path) -> None:
+    def full(image, path):
         if "f_number=2_" in str(path):
             raise OutputError(f"{path}: cannot be written: No space left on device")
         save(image, path)
@@ -388,16 +376,16 @@ def test_what_cannot_be_saved_has_failed(
     assert [taken.status for taken in result.results] == ["done", "done", "failed", "failed", "done", "done"]
 
 
-def test_where_every_point_fails_there_is_one_error_and_no_folder(scene: Path, tmp_path: Path, bench: Bench) -> None:
-    told: list[Any] = []
+def test_where_every_point_fails_there_is_one_error_and_no_folder(scene, tmp_path, bench):
+    told = []
     with pytest.raises(InputError, match=r"unknown key 'f_numbr' .* did you mean 'f_number'"):
         sweep(scene, {"camera.f_numbr": "2,4"}, folder=tmp_path / "out", report=told.append)
     assert told == []
     assert not (tmp_path / "out").exists()
 
 
-def test_an_interrupt_keeps_what_is_done(scene: Path, tmp_path: Path, bench: Bench) -> None:
-    def interrupt(camera: Any) -> None:
+def test_an_interrupt_keeps_what_is_done(scene, tmp_path, bench):
+    def interrupt(camera):
         if camera.f_number == 2.0:
             raise KeyboardInterrupt
 
@@ -415,16 +403,14 @@ def test_an_interrupt_keeps_what_is_done(scene: Path, tmp_path: Path, bench: Ben
     assert json.loads((folder / "manifest.json").read_text())["interrupted"] is False
 
 
-def test_a_point_that_was_broken_off_is_gone_on_with(
-    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_point_that_was_broken_off_is_gone_on_with(scene, tmp_path, monkeypatch):
     """Its samples so far lie beside the records, until it is done; of a point that has changed they are not taken."""
     monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
     values, folder, seen = {"camera.f_number": "2,4"}, tmp_path / "out", list[Stats]()
     spp = 20_000
     whole = sweep(scene, values, spp=spp).images
 
-    def interrupt(done: BatchProgress) -> None:
+    def interrupt(done):
         if done.share > 0.6:
             raise KeyboardInterrupt
 
@@ -434,7 +420,7 @@ def test_a_point_that_was_broken_off_is_gone_on_with(
 
     render_prepared = run.render_prepared
 
-    def noted(*args: Any, **keys: Any) -> Rendered:
+    def noted(*args, **keys):
         result = render_prepared(*args, **keys)
         seen.append(result.stats)
         return result
@@ -450,15 +436,13 @@ def test_a_point_that_was_broken_off_is_gone_on_with(
     assert not kept.exists()
 
 
-def test_a_point_whose_checkpoint_is_of_no_use_begins_anew(
-    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_point_whose_checkpoint_is_of_no_use_begins_anew(scene, tmp_path, monkeypatch):
     """Nobody has asked to go on from there: it may be damaged, or from another machine."""
     monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
     values, folder, sentences = {"camera.f_number": "2,4"}, tmp_path / "out", list[str]()
     spp = 5000
 
-    def interrupt(done: BatchProgress) -> None:
+    def interrupt(done):
         if done.share > 0.1:
             raise KeyboardInterrupt
 
@@ -473,10 +457,10 @@ def test_a_point_whose_checkpoint_is_of_no_use_begins_anew(
     assert not kept.exists()
 
 
-def test_an_interrupt_before_there_is_anything_leaves_nothing(scene: Path, tmp_path: Path, bench: Bench) -> None:
+def test_an_interrupt_before_there_is_anything_leaves_nothing(scene, tmp_path, bench):
     folder = tmp_path / "out"
 
-    def interrupt(camera: Any) -> None:
+    def interrupt(camera):
         raise KeyboardInterrupt
 
     bench.behave = interrupt
@@ -486,12 +470,10 @@ def test_an_interrupt_before_there_is_anything_leaves_nothing(scene: Path, tmp_p
     assert stale_images(result) == []
 
 
-def test_a_lost_cluster_ends_the_sweep(
-    scene: Path, tmp_path: Path, bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lost_cluster_ends_the_sweep(scene, tmp_path, bench, monkeypatch):
     render = FakeReady.render
 
-    def lose(self: FakeReady, *, progress: Callable[[Progress], None], checkpoint_writer: Any) -> Rendered:
+    def lose(self, *, progress, checkpoint_writer):
         rendered = render(self, progress=progress)
         lost = self.packed.spec.camera.f_number == 2.0
         return rendered._replace(failure="the scheduler has gone") if lost else rendered
@@ -503,7 +485,7 @@ def test_a_lost_cluster_ends_the_sweep(
     assert [point["status"] for point in told["points"]] == ["done", "done", *["missing"] * 4]
 
 
-def test_pictures_of_another_sweep_are_left_and_told(scene: Path, tmp_path: Path, bench: Bench) -> None:
+def test_pictures_of_another_sweep_are_left_and_told(scene, tmp_path, bench):
     folder = tmp_path / "out"
     sweep(scene, VALUES, folder=folder)
     result = sweep(scene, {"camera.f_number": "1.4,2", "camera.focus_distance": "2,5"}, folder=folder)
@@ -522,16 +504,14 @@ def test_pictures_of_another_sweep_are_left_and_told(scene: Path, tmp_path: Path
         ({"max_points": 5}, "more than the 5"),
     ],
 )
-def test_wrong_settings_are_told_before_anything(
-    scene: Path, tmp_path: Path, bench: Bench, settings: dict[str, Any], says: str
-) -> None:
+def test_wrong_settings_are_told_before_anything(scene, tmp_path, bench, settings, says):
     with pytest.raises(InputError, match=says):
         sweep(scene, VALUES, folder=tmp_path / "out", **settings)
     assert bench.settings == []
 
 
 @pytest.mark.parametrize(("name", "key"), [("spp", "render.spp"), ("seed", "render.seed")])
-def test_a_setting_does_not_stand_in_place_of_values(scene: Path, bench: Bench, name: str, key: str) -> None:
+def test_a_setting_does_not_stand_in_place_of_values(scene, bench, name, key):
     """All points would be one."""
     fixed = {"camera.f_number": 2, "camera.focus_distance": 2}
     with pytest.raises(InputError, match=f"--{name} stands in place of {key}"):
@@ -540,13 +520,13 @@ def test_a_setting_does_not_stand_in_place_of_values(scene: Path, bench: Bench, 
     assert len(sweep(scene, fixed | {key: "1,2"}).results) == 2
 
 
-def test_a_file_is_no_folder(scene: Path, bench: Bench) -> None:
+def test_a_file_is_no_folder(scene, bench):
     with pytest.raises(InputError, match="is a file, not a folder"):
         sweep(scene, VALUES, folder=scene)
 
 
 @pytest.mark.parametrize("name", ["index.html", "contact_sheet.png", "manifest.csv", "sweep.gif", "points"])
-def test_what_stands_in_the_way_is_told_before_anything(scene: Path, tmp_path: Path, bench: Bench, name: str) -> None:
+def test_what_stands_in_the_way_is_told_before_anything(scene, tmp_path, bench, name):
     folder = tmp_path / "out"
     folder.mkdir()
     if name == "points":
@@ -558,7 +538,7 @@ def test_what_stands_in_the_way_is_told_before_anything(scene: Path, tmp_path: P
     assert bench.settings == []
 
 
-def test_a_picture_that_was_taken_away_meanwhile_is_not_shown(scene: Path, tmp_path: Path, bench: Bench) -> None:
+def test_a_picture_that_was_taken_away_meanwhile_is_not_shown(scene, tmp_path, bench):
     folder = tmp_path / "out"
     first = folder / "f_number=1.4_focus_distance=2.png"
     bench.behave = lambda camera: first.unlink(missing_ok=True) if camera.f_number == 2.8 else None
@@ -571,22 +551,20 @@ def test_a_picture_that_was_taken_away_meanwhile_is_not_shown(scene: Path, tmp_p
 
 
 @pytest.mark.parametrize("packs_anew", [True, False])
-def test_points_that_are_packed_anew_are_made_ready_beside_a_render(
-    scene: Path, bench: Bench, packs_anew: bool
-) -> None:
+def test_points_that_are_packed_anew_are_made_ready_beside_a_render(scene, bench, packs_anew):
     """What the first point packs tells nothing, what the second packs does: the third is begun while it renders."""
     stops = [1.4, 2.0, 2.8, 4.0]
     begun = {stop: threading.Event() for stop in stops}
-    beside: list[bool] = []
+    beside = []
     made = bench.ready
 
-    def ready(spec: Any, options: RenderOptions, **settings: Any) -> FakeReady:
+    def ready(spec, options, **settings):
         begun[spec.camera.f_number].set()
         world = spec.camera.f_number if packs_anew else 0.0
         settings["cache"].get_or_create((world,), lambda: world, lambda _: True)
         return made(spec, options, **settings)
 
-    def behave(camera: Any) -> None:
+    def behave(camera):
         following = stops.index(camera.f_number) + 1
         if following < len(stops):
             is_expected = packs_anew and following > 1
@@ -599,27 +577,27 @@ def test_points_that_are_packed_anew_are_made_ready_beside_a_render(
     assert beside == [False, packs_anew, packs_anew]
 
 
-def test_progress_rises_to_the_end_and_counts_by_work(scene: Path, bench: Bench) -> None:
+def test_progress_rises_to_the_end_and_counts_by_work(scene, bench):
     """Points of 1, 2 and 5 samples are 1/8, 2/8 and 5/8 of the work; half of each is told."""
-    told: list[BatchProgress] = []
+    told = []
     values = {"camera.f_number": 2, "camera.focus_distance": 2, "render.spp": "1,2,5"}
     sweep(scene, values, progress=told.append)
     assert [done.share for done in told] == pytest.approx([0.5 / 8, 2 / 8, 5.5 / 8])
     assert [done.of for done in told] == [3, 3, 3]
 
 
-def test_progress_is_a_number_where_a_value_is_none(scene: Path, bench: Bench) -> None:
+def test_progress_is_a_number_where_a_value_is_none(scene, bench):
     """A film of infinite width is no infinite part of the work."""
-    told: list[BatchProgress] = []
+    told = []
     values = {"camera.f_number": 2, "camera.focus_distance": 2, "film.width": [math.inf, 8]}
     assert [taken.status for taken in sweep(scene, values, progress=told.append).results] == ["failed", "done"]
     assert [0.0 <= done.share <= 1.0 for done in told] == [True]
 
 
-def test_a_doubt_is_told_once(scene: Path, bench: Bench) -> None:
+def test_a_doubt_is_told_once(scene, bench):
     made = bench.ready
 
-    def ready(spec: Any, options: RenderOptions, **settings: Any) -> FakeReady:
+    def ready(spec, options, **settings):
         settings["warn"]("there is a doubt")
         return made(spec, options, **settings)
 
@@ -632,8 +610,8 @@ def test_a_doubt_is_told_once(scene: Path, bench: Bench) -> None:
     assert all(taken.warnings == ("there is a doubt",) for taken in result.results)
 
 
-def test_strict_fails_points(scene: Path, bench: Bench) -> None:
-    def ready(spec: Any, options: RenderOptions, **settings: Any) -> Any:
+def test_strict_fails_points(scene, bench):
+    def ready(spec, options, **settings):
         raise StrictError(["a doubt"])
 
     with pytest.MonkeyPatch.context() as patch:
@@ -656,7 +634,7 @@ objects:
 """
 
 
-def test_a_sweep_has_the_bits_of_single_renders(tmp_path: Path) -> None:
+def test_a_sweep_has_the_bits_of_single_renders(tmp_path):
     """And the world is packed once for each place of the camera, and its structure built once for all."""
     path = tmp_path / "ball.yaml"
     path.write_text(BALL)
@@ -675,17 +653,17 @@ _COMMAND = "import sys; from raytracer.cli.base.app import main; sys.exit(main(s
 
 
 @pytest.mark.slow
-def test_killed_at_random_moments_it_ends_in_the_same_files(tmp_path: Path) -> None:
+def test_killed_at_random_moments_it_ends_in_the_same_files(tmp_path):
     """A process that is killed without a word, again and again, while it is at work."""
     path = tmp_path / "ball.yaml"
     path.write_text(BALL)
 
-    def start(folder: str) -> subprocess.Popen[bytes]:
+    def start(folder):
         words = ["sweep", str(path), "-D", "camera.vfov=20:60:12", "--spp", "20000"]
         words += ["-o", str(tmp_path / folder), "--threads", "2", "--quiet"]
         return subprocess.Popen([sys.executable, "-c", _COMMAND, *words])
 
-    def done() -> int:
+    def done():
         return len(list((tmp_path / "killed" / "points").glob("*.json")))
 
     assert start("whole").wait() == 0
