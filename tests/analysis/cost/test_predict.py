@@ -93,14 +93,11 @@ def test_replicates_that_differ_in_time_make_times_uncertain():
 
 
 def test_plain_guess_goes_by_the_last_point():
-    prediction = predicted(choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(5)), 5)
+    prediction = predicted(choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(5)), 5, budget=10.5)
     assert prediction.plain_spp == pytest.approx(256 * (prediction.points[-1].error.value / 0.01) ** 2)
     assert prediction.plain_seconds == pytest.approx(0.5 + prediction.plain_spp * prediction.per_sample.value)
     assert prediction.halving == pytest.approx(1.0)
-
-
-def test_a_budget_buys_samples_after_what_every_render_takes():
-    prediction = predicted(choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(5)), 5, budget=10.5)
+    # A budget buys samples after what every render takes.
     assert prediction.budget_spp == pytest.approx(10.0 / prediction.per_sample.value)
 
 

@@ -6,7 +6,7 @@ import pytest
 from raytracer.analysis.cost.bench import Purpose, Subject, seeds
 from raytracer.analysis.cost.compare import _differs, is_steady
 from raytracer.analysis.cost.measure_scene import warm_up
-from raytracer.analysis.cost.rounds import prepare_variant, shares_accel, variant_order
+from raytracer.analysis.cost.rounds import prepare_variant, shares_accel
 from raytracer.analysis.cost.tile_sample import replicate_workload, round_workload, sample_levels
 from raytracer.analysis.cost.variants import make_variants
 from raytracer.core.error_estimate.intervals import Interval
@@ -32,12 +32,6 @@ def test_replicates_take_about_the_time_they_may(windows, pace):
     assert seconds > 30.0 or size.tiles == len(windows)
 
 
-def test_a_number_of_tiles_that_is_given_is_kept():
-    assert replicate_workload(LARGE, 60.0, 1e6, 7).tiles == 7
-    assert replicate_workload(SMALL, 60.0, 1e6, 10**6).tiles == len(SMALL)
-    assert round_workload(LARGE, 1.0, 1e9, 7, 90).tiles == 7
-
-
 @pytest.mark.parametrize("tiles", [None, 500, 3225])
 @pytest.mark.parametrize("turns", [18, 300, 3000, 60_000])
 def test_the_means_of_all_rounds_fit_into_memory(tiles, turns):
@@ -53,12 +47,6 @@ def test_levels_are_powers_of_two_or_of_four():
     assert sample_levels(256, is_progressive=True) == (16, 32, 64, 128, 256)
     assert sample_levels(256, is_progressive=False) == (16, 64, 256)
     assert sample_levels(16, is_progressive=True) == (8, 16)
-
-
-def test_every_variant_is_at_every_place_once():
-    square = np.array([variant_order(7, turn) for turn in range(7)])
-    for line in (*square, *square.T):
-        assert sorted(line) == list(range(7))
 
 
 def test_seeds_differ_by_purpose_and_go_on():
