@@ -35,30 +35,20 @@ def places(sweep):
     return found
 
 
-def test_two_axes_are_rows_and_columns():
+def test_two_axes_are_rows_and_columns_with_heads_beside_and_above():
     sweep = made_up(None, failed=((2, 1),))
-    found = places(sweep)
+    found, ink = places(sweep), np.any(drawn(sweep) < 128, axis=-1)
     assert len(found) == 11
     rows = [{found[row, column][0] for column in range(3) if (row, column) in found} for row in range(4)]
     columns = [{found[row, column][1] for row in range(4) if (row, column) in found} for column in range(3)]
     assert all(len(line) == 1 for line in (*rows, *columns))
     for lines, size in ((rows, HEIGHT), (columns, WIDTH)):
         assert all(max(a) + size <= min(b) for a, b in pairwise(lines))
-
-
-def test_heads_stand_beside_their_rows_and_over_their_columns():
-    """Words are ink on white: some left of each row, above each column, and none elsewhere but in the title."""
-    sweep = made_up(None)
-    found, ink = places(sweep), np.any(drawn(sweep) < 128, axis=-1)
+    # Words are ink on white: some left of each row, above each column, and none below.
     top, left = found[0, 0]
-    for row in range(4):
-        first = found[row, 0][0]
-        assert ink[first : first + HEIGHT, :left].any()
-    for column in range(3):
-        first = found[0, column][1]
-        assert ink[top - 40 : top, first : first + WIDTH].any()
-    bottom = found[3, 2][0] + HEIGHT
-    assert not ink[bottom:].any()
+    assert all(ink[first : first + HEIGHT, :left].any() for (first,) in rows)
+    assert all(ink[top - 40 : top, first : first + WIDTH].any() for (first,) in columns)
+    assert not ink[found[3, 2][0] + HEIGHT :].any()
 
 
 @pytest.mark.parametrize("zipped", [False, True])
@@ -115,7 +105,3 @@ def test_pictures_of_other_sizes_keep_their_shape():
     seen = {f_number: np.all(whole == color, axis=-1) for f_number, color in colors.items()}
     shapes = {key: (int(at.any(axis=1).sum()), int(at.any(axis=0).sum())) for key, at in seen.items()}
     assert shapes == {1.4: (90, 160), 2.0: (90, 51), 2.8: (90, 90), 4.0: (90, 160)}
-
-
-def test_a_sheet_of_nothing_says_so():
-    assert drawn(made_up(None, (F_NUMBER,), failed=((0,), (1,), (2,), (3,)))).shape[0] > 180

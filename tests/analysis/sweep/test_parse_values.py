@@ -9,12 +9,8 @@ from raytracer.analysis.sweep.parse_values import parse_value, parse_value_text
 from raytracer.util.errors import SceneError
 
 
-def _values(text, key="camera.focus_distance"):
-    return parse_value_text(key, text, f"-D {key}={text}").axis.values
-
-
-def _labels(text, key="camera.focus_distance"):
-    return parse_value_text(key, text, f"-D {key}={text}").axis.labels
+def _axis(text, key="camera.focus_distance"):
+    return parse_value_text(key, text, f"-D {key}={text}").axis
 
 
 @pytest.mark.parametrize(
@@ -26,15 +22,11 @@ def _labels(text, key="camera.focus_distance"):
         ("[1, 0, 0],[0,1,0]", ([1, 0, 0], [0, 1, 0])),
         ("{type: linear},{type: filmic, white: 4}", ({"type": "linear"}, {"type": "filmic", "white": 4})),
         ("'a,b',\"c:d\"", ("a,b", "c:d")),
-        ("true,false", (True, False)),
-        ("../a.hdr,b.hdr", ("../a.hdr", "b.hdr")),
         ("it's,that's", ("it's", "that's")),
         # Exact decimals: binary steps would give 0.30000000000000004.
         ("0.1:0.7:7", (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)),
         ("10:2:5", (10, 8, 6, 4, 2)),
         ("0:1:4", (0, 1 / 3, 2 / 3, 1)),
-        ("5:5:1", (5,)),
-        ("-1:1:3", (-1, 0, 1)),
         ("1/4:1/2:2", (0.25, 0.5)),
         ("1:1000:4:log", (1, 10, 100, 1000)),
         ("-1:-100:3:log", (-1, -10, -100)),
@@ -45,19 +37,9 @@ def _labels(text, key="camera.focus_distance"):
     ],
 )
 def test_a_text_stands_for_these_values(text, values):
-    found = _values(text)
+    found = _axis(text).values
     assert found == values
     assert [type(value) for value in found] == [type(value) for value in values]
-
-
-@pytest.mark.parametrize("text", ["2", "ball", "[1, 0, 0]", "{type: box}", "1/125 s", ""])
-def test_one_value_is_no_axis(text):
-    assert parse_value_text("camera.vfov", text, "").fixed
-
-
-@pytest.mark.parametrize("text", ["2,3", "2:2:1", "1:2:2"])
-def test_several_values_or_a_range_are_an_axis(text):
-    assert not parse_value_text("camera.vfov", text, "").fixed
 
 
 @pytest.mark.parametrize(
@@ -74,14 +56,20 @@ def test_several_values_or_a_range_are_an_axis(text):
     ],
 )
 def test_labels_are_as_written_or_short(text, labels):
-    assert _labels(text) == labels
+    assert _axis(text).labels == labels
 
 
 def test_labels_of_long_values_differ():
-    start = "a" * 60
-    labels = _labels(f"{start}b,{start}c")
+    labels = _axis(f"{'a' * 60}b,{'a' * 60}c").labels
     assert len(set(labels)) == 2
     assert all(len(label) < 60 for label in labels)
+
+
+def test_one_value_is_no_axis():
+    for text in ("2", "ball", "[1, 0, 0]", "{type: box}", "1/125 s", ""):
+        assert parse_value_text("camera.vfov", text, "").fixed
+    for text in ("2,3", "2:2:1", "1:2:2"):
+        assert not parse_value_text("camera.vfov", text, "").fixed
 
 
 @pytest.mark.parametrize(
@@ -94,33 +82,26 @@ def test_labels_of_long_values_differ():
         ("2:10:2.5", "must be an integer"),
         ("2:2:3", "equal ends"),
         ("2:x:5", "'x' is no finite number"),
-        ("2:inf:5", "'inf' is no finite number"),
-        ("2:1e400:3", "'1e400' is no finite number"),
         ("2:1e1000000000:3", "'1e1000000000' is no finite number"),
         ("1/1e999999999:2:3", "'1/1e999999999' is no finite number"),
         ("2:1/1e-999999999:3", "divides by zero"),
         ("2:1e200/1e-200:3", "too large, or too far apart"),
-        ("1e-300:1e300:3:log", "too large, or too far apart"),
         ("1:2:1000000000", "more than 100000 values"),
         ("-1:1:3:log", "logarithmic"),
-        ("0:1:3:log", "logarithmic"),
-        ("1/0:3:3", "divides by zero"),
         ("2 m:3 s:3", "no units of one kind"),
         ("1,,2", "empty value"),
-        ("1,2,", "empty value"),
         ("2,2.0", "the value 2.0 twice"),
         ("1:3:3,2", "the value 2 twice"),
-        ("ball,ball", "the value ball twice"),
     ],
 )
 def test_what_is_wrong_is_said(text, says):
     with pytest.raises(ValueError, match=says.replace("(", r"\(")):
-        _values(text)
+        _axis(text)
 
 
 def test_a_value_that_is_not_yaml_names_its_option():
     with pytest.raises(SceneError, match=r"-D camera.look_from=\[1,0: not valid YAML"):
-        _values("[1,0", "camera.look_from")
+        _axis("[1,0", "camera.look_from")
 
 
 def test_lists_arrays_and_ranges_of_python_are_axes():

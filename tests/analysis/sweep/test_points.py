@@ -25,57 +25,6 @@ def test_pairs():
     assert points[3].name == "shutter=1-125s_iso=100"
 
 
-def test_pairs_need_as_many_values_each():
-    with pytest.raises(InputError, match=r"a has 2, b has 3"):
-        enumerate_points(_axes(a="1,2", b="1,2,3"), zipped=True)
-
-
-def test_nothing_to_sweep_and_too_much():
-    with pytest.raises(InputError, match="nothing to sweep"):
-        enumerate_points([])
-    with pytest.raises(InputError, match=r"1,001 points, more than the 1,000 that --max-points allows"):
-        enumerate_points(_axes(a="1:2:1001"))
-    with pytest.raises(InputError, match=r"10,000 points \(100 x 100\)"):
-        enumerate_points(_axes(a="1:2:100", b="1:2:100"))
-    assert len(enumerate_points(_axes(a="1:2:1001"), most=1001)) == 1001
-
-
-def test_names_are_of_letters_that_every_file_system_takes():
-    points = enumerate_points([Axis("a.b", (1, 2, 3, 4), ("[-1, 0, 2.5]", "C:\\x/y?*", "..", "-inf m"))])
-    assert [point.name for point in points] == ["b=-1,0,2.5", "b=C-x-y", "b=.3", "b=-infm"]
-
-
-def test_names_differ_where_case_or_signs_do_not_count():
-    points = enumerate_points([Axis("camera.focus_on", ("Ball", "ball", "a/b", "a-b"), ("Ball", "ball", "a/b", "a-b"))])
-    assert len({point.name.casefold() for point in points}) == 4
-
-
-@pytest.mark.parametrize(
-    "axes",
-    [
-        [Axis("camera.focus_on", ("ball", "Ball", "ball.1"), ("ball", "Ball", "ball.1"))],
-        [Axis("x.a", ("1", "1_b=2"), ("1", "1_b=2")), Axis("x.b", ("3", "2_b=3"), ("3", "2_b=3"))],
-    ],
-)
-def test_names_differ_whatever_values_are_called(axes):
-    names = [point.name.casefold() for point in enumerate_points(axes)]
-    assert len(set(names)) == len(names)
-
-
-def test_keys_that_end_alike_are_named_in_full():
-    (point, *_) = enumerate_points(
-        [Axis(f"objects[{i}].radius", (1,), ("1",)) for i in (3, 4)] + [Axis("x.y", (2,), ("2",))]
-    )
-    assert point.name == "objects.3.radius=1_objects.4.radius=1_y=2"
-
-
-def test_names_that_no_file_could_have_are_numbers():
-    axes = [Axis(f"camera.key_{i}", ("x", "y"), ("x" * 40, "y" * 40)) for i in range(5)]
-    points = enumerate_points(axes)
-    assert points[1].name == "point_1_1_1_1_2"
-    assert len({point.name for point in points}) == 32
-
-
 def test_a_sweep_says_in_a_line_what_it_is():
     axes = (Axis("camera.f_number", (1.4, 2), ("1.4", "2")), Axis("camera.vfov", (20,), ("20",)))
     first, second = enumerate_points(axes)
@@ -83,3 +32,53 @@ def test_a_sweep_says_in_a_line_what_it_is():
     assert repr(Sweep("a.yaml", axes, False, taken)) == (
         "<rt.Sweep of a.yaml: 2 camera.f_number x 1 camera.vfov, 1 done, 1 failed>"
     )
+
+
+@pytest.mark.parametrize(
+    ("axes", "options", "says"),
+    [
+        ({"a": "1,2", "b": "1,2,3"}, {"zipped": True}, r"a has 2, b has 3"),
+        ({}, {}, "nothing to sweep"),
+        ({"a": "1:2:1001"}, {}, r"1,001 points, more than the 1,000 that --max-points allows"),
+        ({"a": "1:2:100", "b": "1:2:100"}, {}, r"10,000 points \(100 x 100\)"),
+    ],
+)
+def test_what_makes_no_points_is_said(axes, options, says):
+    with pytest.raises(InputError, match=says):
+        enumerate_points(_axes(**axes), **options)
+    assert len(enumerate_points(_axes(a="1:2:1001"), most=1001)) == 1001
+
+
+def labelled(key, *labels):
+    return Axis(key, labels, labels)
+
+
+@pytest.mark.parametrize(
+    ("axes", "names"),
+    [
+        # Letters that every file system takes.
+        ([labelled("a.b", "[-1, 0, 2.5]", "C:\\x/y?*", "..", "-inf m")], ["b=-1,0,2.5", "b=C-x-y", "b=.3", "b=-infm"]),
+        # Keys that end alike are named in full.
+        (
+            [labelled("objects[3].radius", "1"), labelled("objects[4].radius", "1"), labelled("x.y", "2")],
+            ["objects.3.radius=1_objects.4.radius=1_y=2"],
+        ),
+        # A name that no file could have is a number.
+        ([labelled(f"camera.key_{i}", "x" * 40) for i in range(5)], ["point_1_1_1_1_1"]),
+    ],
+)
+def test_names_of_files(axes, names):
+    assert [point.name for point in enumerate_points(axes)] == names
+
+
+@pytest.mark.parametrize(
+    "axes",
+    [
+        [labelled("camera.focus_on", "Ball", "ball", "a/b", "a-b")],
+        [labelled("camera.focus_on", "ball", "Ball", "ball.1")],
+        [labelled("x.a", "1", "1_b=2"), labelled("x.b", "3", "2_b=3")],
+    ],
+)
+def test_names_differ_whatever_values_are_called(axes):
+    names = [point.name.casefold() for point in enumerate_points(axes)]
+    assert len(set(names)) == len(names)
