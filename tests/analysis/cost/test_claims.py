@@ -4,7 +4,6 @@ No clock is read: a ray takes as long as `RAY` says, so that a study measures th
 """
 
 import math
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -18,12 +17,10 @@ from raytracer.analysis.cost.bench import Bench
 from raytracer.analysis.cost.study import study
 from raytracer.analysis.cost.study_options import StudyOptions
 from raytracer.analysis.cost.variants import REPEAT, Variant
-from raytracer.core.error_estimate.metric import error_weights, mse_by_tile
-from raytracer.film.window import Window
+from raytracer.core.error_estimate.metric import error_weights
 from raytracer.rendering.compilation import compile_scene
 from raytracer.rendering.render import render
 from raytracer.rendering.tile_renderer import render_tiles
-from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.load import load
 from tests.small_scenes import scene
 
@@ -113,27 +110,6 @@ def truth_of_small(name, width, height):
     return truth_of(small(name, width, height))
 
 
-# ---- Slopes
-
-
-def slope(spec, levels=(16, 64, 256), replicates=16):
-    """By how much the logarithm of the error falls for each of the samples."""
-    prepared = compile_scene(spec)
-    windows = split_into_tiles(Window(0, 0, spec.film.width, spec.film.height))
-    patches = [render_tiles(prepared, windows, levels[-1], seed, 2, levels) for seed in range(replicates)]
-    inside = patches[0].count > 0
-    means = {n: np.stack([patch.levels[n][inside] for patch in patches]) for n in levels}
-    weight = error_weights(means[levels[-1]].mean(axis=0))
-    owner = np.nonzero(inside)[0]
-    mse = [mse_by_tile(means[n], weight, owner).mean for n in levels]
-    return -float(np.polyfit(np.log(levels), 0.5 * np.log(mse), 1)[0])
-
-
-def test_independent_samples_have_a_slope_of_a_half_and_sobol_points_a_steeper_one_where_it_is_smooth():
-    assert slope(floor(sampler="independent", size=24)) == pytest.approx(0.5, abs=0.05)
-    assert slope(floor(sampler="sobol", size=24)) > 0.65
-
-
 # ---- Biases
 
 
@@ -204,23 +180,6 @@ def test_intervals_of_a_study_hold_the_truth(name, width, height):
     assert sum(one.target_spp.low <= needed <= one.target_spp.high for one in found) >= HELD
 
 
-@pytest.mark.slow
-def test_intervals_from_some_of_the_tiles_hold_the_truth_of_all():
-    spec = small("cover", 192, 108)
-    options = StudyOptions(variants=[], tiles=21)
-    found = [study(spec, replace(options, seed=seed), bench=bench()).prediction for seed in range(SEEDS)]
-    # All of them, with as many samples at least.
-    whole = study(spec, StudyOptions(seed=SEEDS, variants=[], tiles=84), bench=bench(RAY / 16)).prediction
-    truths = {point.spp: point.error.value for point in whole.points}
-    for i, point in enumerate(found[0].points):
-        held = [one.points[i].error for one in found]
-        assert sum(error.low <= truths[point.spp] <= error.high for error in held) >= HELD
-    held = [one.target_spp for one in found]
-    assert sum(spp.low <= whole.target_spp.value <= spp.high for spp in held) >= HELD
-    held = [one.per_sample for one in found]
-    assert sum(seconds.low <= whole.per_sample.value <= seconds.high for seconds in held) >= HELD
-
-
 def mean_squared_error(spec, truth, spp, runs=4):
     """Of unbroken runs."""
     pictures = [render(spec, spp=spp, seed=500 + run).image.radiance for run in range(runs)]
@@ -264,63 +223,3 @@ def test_a_render_knows_its_error(name, width, height, target):
         error = math.sqrt(truth.squared_error(found.image.radiance, found.stats.spp["mean"]))
         held += found.stats.error["low"] <= error <= found.stats.error["high"]
     assert held >= HELD
-
-
-# ---- Samples where the error is
-
-# Left a plain wall, which takes about as many rays as what is right: glass, a mirror and a lamp.
-HALVES = """
-camera: {type: pinhole, look_from: [0, 1, 5], look_at: [0, 1, 0], vfov: 30}
-environment: {type: gradient, horizon: [1, 1, 1], zenith: [0.5, 0.7, 1]}
-objects:
-  - {type: quad, corner: [-8, -4, -1], edges: [[16, 0, 0], [0, 12, 0]], material: {type: lambertian}}
-  - {type: quad, corner: [0.1, -4, -1], edges: [[0, 12, 0], [0, 0, 2]], material: {type: lambertian, albedo: 0.1}}
-  - {type: sphere, center: [1, 0.5, 0], radius: 0.45, material: {type: dielectric, ior: 1.5}}
-  - {type: sphere, center: [2, 1.4, -0.4], radius: 0.5, material: {type: metal, albedo: 0.9, fuzz: 0.2}}
-  - {type: sphere, center: [1.3, 1.7, 0.2], radius: 0.15, material: {type: emitter, radiance: 60}}
-"""
-
-
-def halves(height):
-    return scene(HALVES, sampler="sobol", width=2 * height, height=height, max_depth=8)
-
-
-def squared_error_of(truth, runs):
-    return float(np.mean([truth.squared_error(run.image.radiance, run.stats.spp["mean"]) for run in runs]))
-
-
-@pytest.mark.slow
-def test_rays_go_where_the_error_is():
-    # Large and long enough: on 128 x 64 to 2 %, tiles are coarser and pilots a larger part, and 0.8 is left.
-    spec = halves(128)
-    truth = truth_of(spec, 16384)
-    runs = [render(spec, noise=0.01, seed=seed) for seed in range(2)]
-    assert math.sqrt(squared_error_of(truth, runs)) == pytest.approx(0.01, rel=0.1)
-
-    # Errors fall as the root of rays, near enough to each other.
-    even = [render(spec, spp=round(run.stats.spp["mean"]), seed=700 + seed) for seed, run in enumerate(runs)]
-    products = [squared_error_of(truth, of) * np.mean([run.stats.rays for run in of]) for of in (runs, even)]
-    assert products[0] <= 0.7 * products[1]
-
-
-@pytest.mark.slow
-def test_adaptive_renders_have_the_mean_of_uniform_ones():
-    spec = halves(32)
-    seeds = range(64)
-    adaptive = [render(spec, noise=0.06, seed=seed) for seed in seeds]
-    spp = round(float(np.mean([run.stats.spp["mean"] for run in adaptive])))
-    uniform = [render(spec, spp=spp, seed=1000 + seed) for seed in seeds]
-    assert max(run.stats.spp["most"] for run in adaptive) > 2 * min(run.stats.spp["fewest"] for run in adaptive)
-
-    def of_tiles(runs):
-        pictures = np.stack([run.image.radiance for run in runs])
-        return pictures.reshape(len(runs), 2, 16, 4, 16, 3).mean(axis=(2, 4, 5))
-
-    def z(a, b):
-        variance = (a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / len(a)
-        return np.asarray((a.mean(axis=0) - b.mean(axis=0)) / np.sqrt(variance))
-
-    a, b = of_tiles(adaptive), of_tiles(uniform)
-    assert abs(z(a.mean(axis=(1, 2)), b.mean(axis=(1, 2)))) < 3.3
-    # Chi-square of 8 tiles: above 26 in one of 1000.
-    assert float(np.sum(z(a, b) ** 2)) < 26.0
