@@ -198,18 +198,6 @@ def test_json_holds_everything_and_no_number_that_it_cannot():
     assert data["not_finite"] == {"a": 0, "b": 0, "first": None}
 
 
-def test_an_exr_file_of_one_channel_is_grey(tmp_path):
-    import OpenEXR
-
-    grey = np.linspace(0, 1, 20, dtype=np.float32).reshape(4, 5)
-    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"Y": grey}).write(str(tmp_path / "a.exr"))
-    found = compare(tmp_path / "a.exr", np.repeat(grey[..., None], 3, axis=2), metrics=["mae"])
-    assert found.metrics["mae"] == 0.0
-    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"depth": grey}).write(str(tmp_path / "b.exr"))
-    with pytest.raises(InputError, match="neither channels R, G and B nor Y"):
-        compare(tmp_path / "b.exr", tmp_path / "a.exr")
-
-
 def test_images_are_compared_in_what_they_hold(tmp_path):
     for name, byte in (("a", 20), ("b", 10)):
         save(Image(np.full(SHAPE, srgb.decode(byte / 255))), tmp_path / f"{name}.png")

@@ -1,14 +1,12 @@
 """The metrics are their formulas, and what independent implementations make of the same images."""
 
 import math
-import time
 
 import numpy as np
 import pytest
 from skimage import metrics as peer
 
 from raytracer.analysis import compare
-from raytracer.analysis.compare.image_pair import map_row_bands
 from raytracer.analysis.compare.metrics import exposures, flip_package, require_extra, sums
 from raytracer.util.errors import InputError
 
@@ -76,12 +74,6 @@ def test_structural_similarity_equals_that_of_scikit_image_on_the_whole_image(di
     assert compare.ssim(a, a) == pytest.approx(1.0, abs=1e-15)
 
 
-def test_structural_similarity_of_flat_images_is_that_of_their_means():
-    # Without any structure only the luminance is compared: (2 m n + C1) / (m^2 + n^2 + C1), with C1 = 0.01^2.
-    a, b = np.full((12, 13, 3), 0.5), np.full((12, 13, 3), 0.25)
-    assert compare.ssim(a, b) == pytest.approx((0.25 + 1e-4) / (0.3125 + 1e-4), rel=1e-9)
-
-
 @pytest.mark.parametrize("size", [(1, 1), (3, 40), (11, 11), (40, 50)])
 def test_flip_equals_its_authors(size, display, linear):
     for (a, b), domain, kind in ((display, "display", "LDR"), (linear, "linear", "HDR")):
@@ -132,14 +124,6 @@ def test_what_is_not_a_number_is_not_hidden(display):
     broken = a.copy()
     broken[100, 3, 1] = np.nan
     assert all(math.isnan(metric(broken, b)) for metric in (compare.mae, compare.mse, compare.relmse, compare.mrse))
-
-
-def test_bands_are_kept_in_order_and_cover_everything():
-    def slow_first(top, bottom):
-        time.sleep(0.02 if top == 0 else 0.0)
-        return top, bottom
-
-    assert map_row_bands(slow_first, 10, 4) == [(0, 4), (4, 8), (8, 10)]
 
 
 def test_sums_do_not_depend_on_where_bands_end(display):

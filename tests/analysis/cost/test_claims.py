@@ -210,16 +210,3 @@ def test_samples_to_a_target_are_foretold():
 
 
 # ---- What a render says of its own error
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "width", "height"), STUDIED)
-@pytest.mark.parametrize("target", [{"spp": 64}, {"spp": 200}, {"noise": 0.05}])
-def test_a_render_knows_its_error(name, width, height, target):
-    spec, truth = small(name, width, height), truth_of_small(name, width, height)
-    held = 0
-    for seed in range(SEEDS):
-        found = render(spec, seed=seed, **target)
-        error = math.sqrt(truth.squared_error(found.image.radiance, found.stats.spp["mean"]))
-        held += found.stats.error["low"] <= error <= found.stats.error["high"]
-    assert held >= HELD

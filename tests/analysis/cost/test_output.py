@@ -17,7 +17,7 @@ import pytest
 from PIL import Image
 
 from raytracer.analysis.cost import formatting, plots
-from raytracer.analysis.cost.export import convergence_csv, to_csv, to_json
+from raytracer.analysis.cost.export import to_csv, to_json
 from raytracer.analysis.cost.page import check_report, page, write_report
 from raytracer.analysis.cost.results import UNKNOWN, ConvergencePoint, PlanItem
 from raytracer.analysis.cost.text import study_text
@@ -99,20 +99,6 @@ def test_text_says_what_was_found():
     assert re.sub(r"\x1b\[[0-9;]*m", "", coloured).split() == said.split() != coloured.split()
 
 
-@pytest.mark.parametrize(
-    ("interrupted", "rounds", "said"),
-    [
-        (False, 9, "9 rounds, each of all variants in turn"),
-        (True, 3, "interrupted after 3 rounds, of which this tells"),
-        (True, 1, "interrupted after 1 round, of which this tells"),
-        (True, 0, "interrupted before the first round of the variants"),
-    ],
-)
-def test_rounds(interrupted, rounds, said):
-    found = studies.study(variants=studies.variants() if rounds else (), interrupted=interrupted, rounds=rounds)
-    assert said in study_text(found).splitlines()
-
-
 def test_doubts_and_other_samples_stand_beside_what_they_are_about():
     scene, control, defocus, *_ = studies.variants()
     doubt = "its bias may exceed the target"
@@ -160,12 +146,6 @@ def test_json_keeps_numbers_and_has_null_for_what_is_unknown():
     assert data["arms"][4]["per_sample"] == {"value": None, "low": None, "high": None}
     assert data["machine"] == {"threads": 4, "load": None, "loads": [1.0, None], "path": "a"}
     assert to_json(studies.hopeless())["prediction"]["target_seconds"]["value"] is None
-
-
-def test_csv_of_the_plot():
-    table = np.genfromtxt(io.StringIO(convergence_csv(studies.study())), delimiter=",", names=True)
-    np.testing.assert_array_equal(table["spp"], [16, 64, 256])
-    np.testing.assert_array_equal(table["error"], [point.error.value for point in studies.predicted().points])
 
 
 # ---- pictures
@@ -232,15 +212,6 @@ def test_the_map_of_a_large_picture_is_reduced_by_mean_squares():
     assert reduced[0, 0] == pytest.approx(math.sqrt((9.0 + 16.0 + 25.0) / 4.0))
     assert reduced[0, 1] == 1.0
     assert np.isnan(reduced[1]).all()
-
-
-def test_the_picture_is_transparent_where_nothing_was_rendered():
-    study = studies.study()
-    with Image.open(io.BytesIO(plots.picture_png(study))) as image:
-        pixels = np.asarray(image)
-    np.testing.assert_array_equal(pixels[..., 3] == 255, np.isfinite(study.picture[..., 0]))
-    assert pixels[pixels[..., 3] == 255][:, :3].max() == 255
-    assert plots.picture_png(studies.nothing()) is None
 
 
 # ---- page and folder

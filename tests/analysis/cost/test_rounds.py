@@ -6,14 +6,13 @@ import pytest
 from raytracer.analysis.cost.bench import Purpose, Subject, seeds
 from raytracer.analysis.cost.compare import _differs, is_steady
 from raytracer.analysis.cost.measure_scene import warm_up
-from raytracer.analysis.cost.rounds import prepare_variant, shares_accel
-from raytracer.analysis.cost.tile_sample import replicate_workload, round_workload, sample_levels
+from raytracer.analysis.cost.rounds import prepare_variant
+from raytracer.analysis.cost.tile_sample import replicate_workload, round_workload
 from raytracer.analysis.cost.variants import make_variants
 from raytracer.core.error_estimate.intervals import Interval
 from raytracer.film.window import Window
 from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.load import load
-from raytracer.scene.pack.scene import pack
 from raytracer.scene.scene_assets import SceneAssets
 from tests.analysis.cost.made_up import World, scene_of
 
@@ -41,12 +40,6 @@ def test_the_means_of_all_rounds_fit_into_memory(tiles, turns):
     assert turns * size.tiles * 256 * 24 <= 2**30
     # What is rendered is what the time allows, on fewer tiles.
     assert size.spp == 1024
-
-
-def test_levels_are_powers_of_two_or_of_four():
-    assert sample_levels(256, is_progressive=True) == (16, 32, 64, 128, 256)
-    assert sample_levels(256, is_progressive=False) == (16, 64, 256)
-    assert sample_levels(16, is_progressive=True) == (8, 16)
 
 
 def test_seeds_differ_by_purpose_and_go_on():
@@ -101,14 +94,6 @@ def scene_with(folder, material="metal", accuracy="robust", x=2.0):
     path = folder / "scene.yaml"
     path.write_text(TRIANGLES.format(material=material, accuracy=accuracy, x=x))
     return load(path)
-
-
-def test_a_ray_caster_does_for_what_differs_in_materials_alone(tmp_path):
-    first = pack(scene_with(tmp_path))
-    assert shares_accel(pack(scene_with(tmp_path)), first)
-    assert shares_accel(pack(scene_with(tmp_path, material="lambertian")), first)
-    assert not shares_accel(pack(scene_with(tmp_path, accuracy="fast")), first)
-    assert not shares_accel(pack(scene_with(tmp_path, x=2.5)), first)
 
 
 def test_variants_share_the_ray_caster_of_the_scene_where_they_can(tmp_path):

@@ -281,13 +281,6 @@ def test_nothing_moves_in_the_middle_of_the_exposure():
     assert (mesh.at_time(1.4).file, mesh.at_time(1.4).frames, mesh.at_time(9.0).file) == ("b.ply", None, "c.ply")
 
 
-def test_a_shaking_camera_is_held_and_has_no_second_variant():
-    spec = small(camera="{type: pinhole, shutter: 1/10 s, shake: {amplitude: 0.1, bandwidth: 10}}")
-    _, scene = without(spec, "camera_shake")
-    assert scene.shutter is None
-    assert "camera_shake" in reasons_without_variant(spec, pack(spec))["motion_blur"]
-
-
 def test_a_lens_loses_what_is_left_out_and_nothing_else():
     spec = small(camera=LENS[:-1] + ", motion: {velocity: [1, 0, 0]}}")
     whole = pack(spec).scene.camera
@@ -366,21 +359,6 @@ def test_the_environment_goes_without_its_sun_or_its_sampling():
     assert scene.lights.background_tables is scene.environment
     assert len(scene.lights.tables) == len(pack(spec).scene.lights.tables) - 1
     assert without(small(environment="{type: sky}"), "environment_sampling")[1].lights is None
-
-
-@pytest.mark.parametrize(
-    ("parts", "offered"),
-    [
-        ({}, set()),
-        ({"environment": "{type: sky}"}, {"lights", "paths"}),
-        ({"lights": POINT}, {"lights"}),
-        ({"environment": "{type: sky}", "render": "{light_sampling: paths}"}, {"mis", "lights"}),
-    ],
-)
-def test_paths_are_offered_where_they_find_all_light(parts, offered):
-    spec = small(**parts)
-    names = {item.name.partition("light_sampling=")[2] for item in make_variants(spec, pack(spec))}
-    assert names - {""} == offered
 
 
 def test_a_flash_takes_its_pulses_along():
@@ -513,15 +491,6 @@ def test_what_goes_with_a_material_goes_from_the_packed_scene():
     assert len(scene.textures) == 1
     boundary = of("{type: boundary}")
     assert {"material.boundary", "passage"} <= set(reasons_without_variant(boundary, pack(boundary)))
-
-
-def test_materials_of_a_files_own_are_replaced_too():
-    spec, packed = of_file(SCENES / "studio.yaml")
-    (variant,) = [item for item in make_variants(spec, packed) if item.name == "material.principled"]
-    radio = spec.model_copy(update={"objects": tuple(item for item in spec.objects if item.name == "radio")})
-    before, after = ({type(t).__module__ for t in made.scene.materials} for made in (pack(radio), variant.pack(radio)))
-    assert "raytracer.plugins.materials.principled" in before
-    assert after == {"raytracer.plugins.materials.lambertian"}
 
 
 def test_variants_are_chosen_by_name_with_the_control():

@@ -88,15 +88,6 @@ def test_rays_of_a_far_point_are_parallel_and_meet_every_surface():
     np.testing.assert_array_equal(rays[:, -1, 0], film)
 
 
-def test_rays_of_a_near_point_come_from_it():
-    surfaces = plano_convex().packed()
-    found = trace_fan(surfaces, 200.0, -5.0, object_z=-190.0)
-    starts, seconds = found[0][:, 0], found[0][:, 1]
-    slopes = (seconds - starts)[:, 1] / (seconds - starts)[:, 0]
-    at_plane = starts[:, 1] + slopes * (-190.0 - starts[:, 0])
-    np.testing.assert_allclose(at_plane, at_plane[0], atol=1e-9)
-
-
 def written(shown):
     """The drawings as a file."""
     with style(ON_PAPER):

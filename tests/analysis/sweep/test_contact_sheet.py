@@ -9,7 +9,7 @@ import pytest
 
 from raytracer.analysis.sweep import contact_sheet
 from raytracer.analysis.sweep.results import Axis
-from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up, picture
+from tests.analysis.sweep.made_up import F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up, picture
 
 
 def drawn(sweep):
@@ -63,15 +63,6 @@ def test_one_axis_fills_rows(zipped):
     # Under each there is a caption.
     ink = np.any(drawn(sweep) < 128, axis=-1)
     assert all(ink[row + HEIGHT : row + HEIGHT + 20, column : column + WIDTH].any() for row, column in order)
-
-
-def test_of_three_axes_each_value_of_the_first_has_a_table():
-    found = places(made_up(None, (ALBEDO, F_NUMBER, FOCUS)))
-    assert len(found) == 24
-    offsets = {
-        tuple(np.subtract(found[1, row, column], found[0, row, column])) for row in range(4) for column in range(3)
-    }
-    assert len(offsets) == 1
 
 
 @pytest.mark.parametrize("text", ["x" * 400, "tab\tand\nline", ""])

@@ -99,11 +99,6 @@ def test_a_scene_that_needs_a_key_may_get_it_from_an_axis(scene):
     assert make_plan(scene, {"film.width": "8,16"}).spec.film.width == 8
 
 
-def test_the_first_value_may_be_wrong_where_others_are_not(scene):
-    """It fails as a point, and the others are rendered."""
-    assert make_plan(scene, {"camera.f_number": "-1,2"}).axes[0].values == (-1, 2)
-
-
 def test_options_that_are_none(scene):
     for definitions, says in ((["camera.vfov"], "must be key.path=values"), (["a=1,2", "a=3"], "a is given twice")):
         with pytest.raises(InputError, match=says):

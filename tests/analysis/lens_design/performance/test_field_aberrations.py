@@ -7,7 +7,6 @@ import pytest
 
 from raytracer.analysis.lens_design.performance.chief_rays import (
     chief_rays_at_fields,
-    chief_rays_at_heights,
     object_points,
 )
 from raytracer.analysis.lens_design.performance.field_aberrations import (
@@ -30,7 +29,6 @@ from tests.analysis.lens_design.benches import (
     sensor,
     shipped,
     stop,
-    symmetric_lens,
     thin_lens,
 )
 
@@ -111,16 +109,6 @@ def test_cylinders_have_none_near_the_axis(meridian, distance):
     # It grows with the square of the field.
     assert percent[-1] > 1e-3
     assert percent[4] == pytest.approx(percent[8] / 4.0, rel=0.01)
-
-
-def test_chief_rays_are_found_by_height_and_by_field():
-    bench = bench_at(symmetric_lens(), sensor_mm=sensor(12.0))
-    heights = np.linspace(0.0, 12.0, 7)
-    rays = chief_rays_at_heights(bench, "y", bench.primary, heights)
-    np.testing.assert_allclose(rays.height, heights, rtol=0.0, atol=1e-12)
-    again = chief_rays_at_fields(bench, "y", bench.primary, rays.field_deg)
-    np.testing.assert_allclose(again.height, heights, rtol=0.0, atol=1e-11)
-    assert np.isnan(chief_rays_at_heights(bench, "y", bench.primary, np.array([1e6])).height).all()
 
 
 def test_fields_behind_the_lens():

@@ -73,17 +73,3 @@ def test_the_curve_is_smooth():
     assert np.abs(second).max() < 2e-4
     assert np.abs(np.diff(second)).max() < 5e-6
     assert (np.diff(relative[72:]) < 0.0).all()
-
-
-def test_beyond_the_rim_it_is_dark():
-    # A tube before and behind a lens lets nothing through beyond some angle.
-    lens = lens_of(
-        (0.0, 40.0, AIR, 5.0, {"kind": "flat"}),
-        (0.01, 1.0, constant_index_glass(1.5), 5.0, {"is_stop": True}),
-        (-0.01, 0.0, AIR, 5.0),
-    )
-    bench = bench_at(lens, sensor_mm=sensor(80.0))
-    largest = largest_height(bench, "y")
-    assert 10.0 < largest < 40.0
-    assert projected_solid_angle(bench, "y", largest * 1.01) == 0.0
-    assert projected_solid_angle(bench, "y", largest * 0.99) > 0.0

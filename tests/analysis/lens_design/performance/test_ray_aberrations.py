@@ -88,17 +88,6 @@ def test_offence_against_the_sine_condition_is_sagittal_coma(conic, turned):
     assert (places[0, 0] - point.height) / point.height == pytest.approx(axis.sine_condition[-1], rel=2e-2)
 
 
-def test_aplanatic_points_of_a_sphere():
-    # Light that converges to n r behind the centre of a sphere of glass is brought to r / n behind it, sharp and free
-    # of coma for all apertures (Born, Wolf 1999, sec. 4.2.3).
-    n, r = 1.5, 30.0
-    lens = lens_of((1.0 / r, 0.0, constant_index_glass(n), 12.0, {"is_stop": True}))
-    bench = bench_at(lens, film=r + r / n, focus_distance_mm=-(r + n * r))
-    sums = seidel(bench)
-    assert abs(sums.total_spherical) < 1e-15
-    assert abs(sums.total_coma) < 1e-15
-
-
 @pytest.mark.parametrize("shape", [-1.0, 0.6, 2.0])
 @pytest.mark.parametrize(
     ("n", "distance", "conjugate"), [(1.5, math.inf, -1.0), (1.8, 200.0, 0.0), (1.5, 300.0, -1.0 / 3.0)]
