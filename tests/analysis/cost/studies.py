@@ -26,91 +26,41 @@ def predicted(**changes):
     points = tuple(
         ConvergencePoint(n, 0.3 + 0.01 * n, around(math.sqrt(LINEAR / n + STEEP / n**1.5), 0.02)) for n in (16, 64, 256)
     )
-    made = Prediction(
-        points=points,
-        linear=LINEAR,
-        steep=STEEP,
-        exponent=1.04,
-        factor=0.15,
-        halving=1.06,
-        fixed=around(0.3),
-        per_sample=around(0.01),
-        target=0.01,
-        budget=60.0,
-        target_spp=around(1330.0),
-        target_seconds=around(13.6),
-        plain_spp=1370.0,
-        plain_seconds=14.0,
-        power_spp=1350.0,
-        power_seconds=13.8,
-        budget_spp=5970.0,
-        budget_error=around(0.0047),
-    )
+    fit = {"linear": LINEAR, "steep": STEEP, "exponent": 1.04, "factor": 0.15, "halving": 1.06}
+    asked = {"target": 0.01, "budget": 60.0, "budget_spp": 5970.0, "budget_error": around(0.0047)}
+    seconds = {"fixed": around(0.3), "per_sample": around(0.01), "target_seconds": around(13.6)}
+    guesses = {"plain_spp": 1370.0, "plain_seconds": 14.0, "power_spp": 1350.0, "power_seconds": 13.8}
+    made = Prediction(points=points, target_spp=around(1330.0), **fit, **asked, **seconds, **guesses)
     return replace(made, **changes)
 
 
 def variants():
-    scene = VariantResult(
-        "scene",
-        "scene",
-        "the scene as it is",
-        per_sample=around(0.01),
-        per_ray=around(34.2),
-        rays_per_sample=2.7,
-        time=Interval(1.0, 1.0, 1.0),
-        spp=64,
-        noise=around(0.0464),
-        noise_ratio=Interval(1.0, 1.0, 1.0),
-        target_spp=1330.0,
-        target_seconds=13.6,
-    )
-    control = replace(
-        scene,
-        name="A/A",
-        group="control",
-        what="the scene once more, to see what the machine's unrest alone does",
-        time=Interval(1.002, 0.991, 1.008),
-        bias=Interval(0.0, 0.0, 0.0041),
-        brightness=Interval(0.0, -0.001, 0.001),
-        noise_ratio=Interval(1.01, 0.97, 1.05),
-        target_seconds=13.6,
-    )
-    defocus = replace(
-        control,
-        name="defocus",
-        group="effect",
-        what="all rays start at one point, as of a pinhole: everything is sharp",
-        per_sample=around(0.0084),
-        time=Interval(0.839, 0.821, 0.857),
-        time_differs=True,
-        noise=around(0.0421),
-        noise_ratio=Interval(0.82, 0.77, 0.87),
-        noise_differs=True,
-        bias=Interval(0.154, 0.149, 0.159),
-        bias_resolved=True,
-        target_spp=None,
-        target_seconds=None,
-        why_blank="the bias exceeds the target, which no number of samples mends",
-    )
+    one = Interval(1.0, 1.0, 1.0)
+    seconds = {"per_sample": around(0.01), "per_ray": around(34.2), "rays_per_sample": 2.7, "target_seconds": 13.6}
+    noise = {"spp": 64, "noise": around(0.0464), "noise_ratio": one, "target_spp": 1330.0}
+    scene = VariantResult("scene", "scene", "the scene as it is", time=one, **seconds, **noise)
+    what = "the scene once more, to see what the machine's unrest alone does"
+    ratios = {"time": Interval(1.002, 0.991, 1.008), "noise_ratio": Interval(1.01, 0.97, 1.05)}
+    biases = {"bias": Interval(0.0, 0.0, 0.0041), "brightness": Interval(0.0, -0.001, 0.001)}
+    control = replace(scene, name="A/A", group="control", what=what, **ratios, **biases)
+    what = "all rays start at one point, as of a pinhole: everything is sharp"
+    ratios = {"time": Interval(0.839, 0.821, 0.857), "noise_ratio": Interval(0.82, 0.77, 0.87)}
+    biases = {"bias": Interval(0.154, 0.149, 0.159), "per_sample": around(0.0084), "noise": around(0.0421)}
+    found = dict.fromkeys(("time_differs", "noise_differs", "bias_resolved"), True)
+    why = "the bias exceeds the target, which no number of samples mends"
+    blank = {"target_spp": None, "target_seconds": None, "why_blank": why}
+    defocus = replace(control, name="defocus", group="effect", what=what, **ratios, **biases, **found, **blank)
+    setting = replace(control, group="setting")
+    sampler = replace(control, name="sampler=independent", group="sampler", what="samples know nothing of each other")
     return (
         scene,
         control,
         defocus,
         replace(defocus, name=f"material {EVIL}", what=f"{EVIL} scatters evenly", time=around(12.34)),
         VariantResult("media", "effect", "no fog", failed="the variant could not be packed: nothing is left to see"),
-        replace(control, name="accuracy=fast", group="setting", what="hits as Embree finds them"),
-        replace(control, name="max_depth=4", group="setting", what="paths end after 4 segments", bias=UNKNOWN),
-        replace(
-            control,
-            name="sampler=independent",
-            group="sampler",
-            what="samples know nothing of each other",
-            noise_ratio=around(1.2),
-            noise=around(0.051),
-            noise_differs=True,
-            target_seconds=INF,
-            target_spp=INF,
-        ),
+        replace(setting, name="accuracy=fast", what="hits as Embree finds them"),
+        replace(setting, name="max_depth=4", what="paths end after 4 segments", bias=UNKNOWN),
+        replace(sampler, noise_ratio=around(1.2), noise_differs=True, target_seconds=INF, target_spp=INF),
         VariantResult("roulette", "setting", "nobody knows"),
     )
 
