@@ -169,13 +169,7 @@ def test_the_command_prints_what_python_finds(tmp_path, monkeypatch, capsys):
         (["--at", "1,2,3", "--toward", "0,0,0", "--time", "soon"], "--time soon: must be a time"),
     ],
 )
-def test_what_cannot_be_probed_is_told_in_a_sentence(
-    words,
-    sentence,
-    tmp_path,
-    monkeypatch,
-    capsys,
-):
+def test_what_cannot_be_probed_is_told_in_a_sentence(words, sentence, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("room.yaml").write_text(ROOM)
     assert main(["probe", "room.yaml", *words]) == 2

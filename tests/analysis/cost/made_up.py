@@ -94,15 +94,7 @@ class World:
     def mse(self, spp):
         return self.linear / spp + self.steep / spp**1.5
 
-    def render(
-        self,
-        prepared,
-        windows,
-        spp,
-        seed,
-        threads,
-        keep=(),
-    ):
+    def render(self, prepared, windows, spp, seed, threads, keep=()):
         """Even grey with normal noise: its relative MSE is that of the pixels' weight, 1 / (b^2 (1 + FLOOR^2))."""
         self.calls.append((len(windows), spp, seed))
         if self.interrupt_after is not None and len(self.calls) > self.interrupt_after:

@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from raytracer.analysis.cost.tile_sample import (
-    TileSample,
-    choose_subset,
-    choose_tiles,
-    inclusion_probabilities,
-)
+from raytracer.analysis.cost.tile_sample import TileSample, choose_subset, choose_tiles, inclusion_probabilities
 from raytracer.film.window import Window
 from raytracer.rendering.tile_scheduler import TILE_SIZE, split_into_tiles
 

@@ -22,14 +22,7 @@ def images(taken):
     return picture(taken.point) if taken.status == "done" else None
 
 
-def made_up(
-    folder,
-    axes=(F_NUMBER, FOCUS),
-    *,
-    zipped=False,
-    failed=(),
-    missing=(),
-):
+def made_up(folder, axes=(F_NUMBER, FOCUS), *, zipped=False, failed=(), missing=()):
     """A sweep whose pictures are files in `folder`, if there is one."""
     shape = (len(axes[0].values),) if zipped else tuple(len(axis.values) for axis in axes)
     taken = []

@@ -5,10 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.analysis.lens_design.performance.chief_rays import (
-    chief_rays_at_fields,
-    object_points,
-)
+from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_fields, object_points
 from raytracer.analysis.lens_design.performance.field_aberrations import (
     axial_shift_mm,
     chromatic_aberration,

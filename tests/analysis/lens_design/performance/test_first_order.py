@@ -7,13 +7,7 @@ import pytest
 from raytracer.analysis.lens_design.performance.first_order import first_order
 from raytracer.optics.glass import constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points, exit_pupil
-from tests.analysis.lens_design.benches import (
-    bench_at,
-    cylinder_pair,
-    lens_of,
-    plano_convex,
-    thin_lens,
-)
+from tests.analysis.lens_design.benches import bench_at, cylinder_pair, lens_of, plano_convex, thin_lens
 
 
 def test_the_plano_convex_lens():
