@@ -182,10 +182,3 @@ def test_a_pass_says_what_would_have_been_found():
     assert told["p"].keys() == {"mean", "tile", "pixel", "exceeding", "pattern", "pattern_tile", "neighbour", "squares"}
     # Where the noise is taken from the variances, it takes twice as much.
     assert compared().verdict.limits.brightness > 1.5 * found.verdict.limits.brightness
-
-
-def test_the_hint_at_other_samples_is_given_where_it_is_true():
-    assert "0.2" in compared(spp=64).notes[1]
-    assert "found with `render.sampler: independent`" in compared(spp=64).notes[1]
-    assert "with the same sampler and `--spp` in both" in compared().notes[1]
-    assert len(compared(spp=64, sampler="independent").notes) == 1

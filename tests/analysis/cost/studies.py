@@ -122,64 +122,38 @@ def study(width=400, height=225, part=0.3, **changes):
     return replace(made, **changes)
 
 
-NO_PREDICTION = predicted(
-    points=(), linear=NAN, steep=NAN, exponent=NAN, factor=NAN, halving=NAN, fixed=UNKNOWN, per_sample=UNKNOWN,
-    budget=None, target_spp=UNKNOWN, target_seconds=UNKNOWN, plain_spp=NAN, plain_seconds=NAN, power_spp=NAN,
-    power_seconds=NAN, budget_spp=None, budget_error=None,
-)  # fmt: skip
+NO_FIT = dict.fromkeys(("linear", "steep", "exponent", "factor", "halving"), NAN)
+NO_GUESS = dict.fromkeys(("plain_spp", "plain_seconds", "power_spp", "power_seconds"), NAN)
+NO_TARGET = dict.fromkeys(("fixed", "per_sample", "target_spp", "target_seconds"), UNKNOWN)
+NO_BUDGET = dict.fromkeys(("budget", "budget_spp", "budget_error"))
+NO_PREDICTION = predicted(points=(), **NO_FIT, **NO_GUESS, **NO_TARGET, **NO_BUDGET)
+NO_PICTURE = {"top_share": NAN, "error_map": np.full((225, 400), NAN), "picture": np.full((225, 400, 3), NAN)}
 
 
 def nothing():
     """Of a scene about which nothing could be found out."""
-    return study(
-        plan=(),
-        prediction=NO_PREDICTION,
-        variants=(),
-        seconds={},
-        machine={},
-        warnings=(),
-        top_share=NAN,
-        error_map=np.full((225, 400), NAN),
-        picture=np.full((225, 400, 3), NAN),
-    )
+    return study(plan=(), prediction=NO_PREDICTION, variants=(), seconds={}, machine={}, warnings=(), **NO_PICTURE)
 
 
 def black():
     """Of a black picture, to which no error is relative."""
     points = tuple(ConvergencePoint(n, 0.01 * n, UNKNOWN) for n in (16, 64))
-    return study(
-        prediction=replace(
-            NO_PREDICTION,
-            points=points,
-            fixed=around(0.3),
-            per_sample=around(0.01),
-            budget=30.0,
-            budget_spp=2970.0,
-            budget_error=UNKNOWN,
-        ),
-        error_map=np.full((225, 400), NAN),
-        picture=np.zeros((225, 400, 3)),
-        top_share=NAN,
-    )
+    known = {"points": points, "fixed": around(0.3), "per_sample": around(0.01)}
+    prediction = replace(NO_PREDICTION, **known, budget=30.0, budget_spp=2970.0, budget_error=UNKNOWN)
+    return study(prediction=prediction, **(NO_PICTURE | {"picture": np.zeros((225, 400, 3))}))
 
 
 def still():
     """Of a picture without any noise."""
     points = tuple(ConvergencePoint(n, 0.01 * n, Interval(0.0, 0.0, 0.0)) for n in (16, 64))
-    return study(
-        prediction=predicted(points=points, linear=0.0, steep=0.0, halving=1.0, target_spp=around(1.0)),
-        error_map=np.zeros((225, 400)),
-    )
+    prediction = predicted(points=points, linear=0.0, steep=0.0, halving=1.0, target_spp=around(1.0))
+    return study(prediction=prediction, error_map=np.zeros((225, 400)))
 
 
 def hopeless():
     """With a target that is out of reach, and a budget that buys nothing."""
-    return study(
-        prediction=predicted(
-            target_spp=NOWHERE, target_seconds=NOWHERE, plain_spp=INF, plain_seconds=INF, power_spp=INF,
-            power_seconds=INF, budget=0.1, budget_spp=0.0, budget_error=NOWHERE,
-        )
-    )  # fmt: skip
+    never = dict.fromkeys(NO_GUESS, INF) | {"target_spp": NOWHERE, "target_seconds": NOWHERE}
+    return study(prediction=predicted(**never, budget=0.1, budget_spp=0.0, budget_error=NOWHERE))
 
 
 ALL = {
@@ -190,7 +164,7 @@ ALL = {
     "hopeless": hopeless,
     "one tile": lambda: study(width=9, height=5, part=1.0),
     "no variants": lambda: study(variants=()),
-    "no budget": lambda: study(prediction=predicted(budget=None, budget_spp=None, budget_error=None)),
+    "no budget": lambda: study(prediction=predicted(**NO_BUDGET)),
     "one point": lambda: study(prediction=predicted(points=predicted().points[:1])),
     "portrait": lambda: study(width=90, height=400, part=1.0),
 }

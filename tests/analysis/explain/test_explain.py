@@ -357,28 +357,6 @@ def test_objects_are_those_with_a_name_or_a_motion():
     assert "and 2 more that move" in found.text()
 
 
-def test_text_is_aligned_in_groups():
-    lens = f"{THIN}focal_length: 50 mm, f_number: 22, focus_distance: inf, shutter: 1/125 s"
-    text = explained(lens, ball("ball", 5.0, SPEED), width=6000, height=4000).text()
-    lines = text[text.index("Camera: thin_lens") :].splitlines()
-    assert [line for line in lines if line and not line.startswith(" ")] == [
-        "Camera: thin_lens",
-        "Objects in the middle of the exposure; their blur is the circle of confusion",
-        "Warnings",
-    ]
-    numbers = dict(line.strip().split("  ", 1) for line in lines if line.startswith("    ") and "  " in line.strip())
-    assert {name: value.strip() for name, value in numbers.items()}.items() >= {
-        ("focal length", "50 mm"),
-        ("f-number", "f/22"),
-        ("shutter", "1/125 s"),
-        ("far limit", "infinity"),
-        ("diagonal", "46.79 deg"),
-    }
-    table = lines[lines.index("Objects in the middle of the exposure; their blur is the circle of confusion") + 1 :][:2]
-    assert len({len(line) for line in table}) == 1
-    assert max(map(len, lines)) <= 120
-
-
 def test_kinds_that_a_scene_has_none_of_are_a_line_a_family():
     found = explained("type: pinhole")
     left_out = found.text().partition("Left out\n")[2].partition("\n\n")[0]
@@ -408,24 +386,6 @@ def test_the_readme_shows_what_is_printed():
     shown = readme[readme.index("```\nSimulated") + 4 :].partition("```")[0].splitlines()
     printed = explain(load(ROOT / "scenes" / "cover.yaml")).text().splitlines()
     assert [line for line in shown if line.strip() != "..." and line not in printed] == []
-
-
-def test_every_number_has_words():
-    shutter = "shutter: {duration: 1/60 s, readout: 10 ms}"
-    lens = f"{THIN}focal_length: 50 mm, f_number: 2, {shutter}, iso: 200"
-    assert "Further numbers" not in explained(lens).text()
-
-
-def test_effects_tell_of_the_photograph():
-    lens = f"{THIN}focal_length: 50 mm, f_number: 2, shutter: 1/60 s"
-    plain, exposed = explained(lens).effects, explained(f"{lens}, iso: 800").effects
-    assert not plain["exposure"].active
-    assert exposed["exposure"].active
-    assert "ISO 800" in exposed["exposure"].why
-    for name in ("sensor_noise", "white_balance", "tone_curve", "aperture_shape", "vignetting"):
-        assert not exposed[name].active
-    shaped = explained(f"{lens}, aperture_shape: {{type: polygon, blades: 6}}").effects
-    assert shaped["aperture_shape"] == (True, "the opening has the shape polygon")
 
 
 @pytest.mark.parametrize("focal_length", ["0.6 mm", "1.4 mm"])

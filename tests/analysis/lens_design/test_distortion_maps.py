@@ -1,7 +1,6 @@
 """Maps of distortion: there and back, against traced rays, and against OpenCV."""
 
 import functools
-import json
 import math
 
 import numpy as np
@@ -115,19 +114,6 @@ def test_opencv_reads_the_file(tmp_path):
     np.testing.assert_array_equal(coefficients.ravel(), found.models[0].coefficients)
     assert stored.getNode("image_width").real() == WIDTH
     assert stored.getNode("distortion_model").string() == found.models[0].name
-
-
-def test_the_archive_holds_the_maps(tmp_path):
-    found = mapped("double-gauss-50mm")
-    path = tmp_path / "map.npz"
-    path.write_bytes(files.to_npz(found))
-    with np.load(path) as arrays:
-        there, back = found.maps()
-        np.testing.assert_array_equal(arrays["map_x"], there[..., 0])
-        np.testing.assert_array_equal(arrays["inverse_y"], back[..., 1])
-        about = json.loads(str(arrays["about"]))
-    assert about == json.loads(json.dumps(files.as_dict(found)))
-    assert about["models"][0]["rms_px"] == found.models[0].rms_px
 
 
 def test_a_lens_that_sees_behind_itself_has_no_pinhole():

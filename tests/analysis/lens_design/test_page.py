@@ -2,7 +2,6 @@
 
 import csv
 import io
-import re
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from raytracer.analysis.lens_design import paper, plots
 from raytracer.analysis.lens_design.page import page
 from raytracer.analysis.lens_design.performance.lens_study import study_lens
-from raytracer.report import chart as charts
 from tests.analysis.lens_design.benches import QUICK, cylinder_pair, shipped
 
 
@@ -126,13 +124,3 @@ def test_a_drawing_in_pixels_whatever_its_name(gauss):
     # Blue glass and brown.
     assert (np.abs(values - (178, 213, 236)).max(axis=2) < 25).mean() > 0.005
     assert (np.abs(values - (226, 202, 168)).max(axis=2) < 25).mean() > 0.02
-
-
-def test_texts_name_lines_as_they_are_drawn(gauss):
-    named = 0
-    for group in plots.chart_groups(gauss[1]):
-        for look in re.findall(r"the (dotted|dashed|solid|grey|black) line", group.text):
-            named += 1
-            wanted = {"dotted": charts.DOTTED, "dashed": charts.DASHED}[look]
-            assert any(series.dashes == wanted for chart in group.charts for series in chart.series)
-    assert named

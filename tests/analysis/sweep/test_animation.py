@@ -84,12 +84,6 @@ def test_frames_are_bounded_and_of_one_size():
     assert np.all(second[:480, :240] == 255)
 
 
-def test_many_frames_are_smaller(monkeypatch):
-    monkeypatch.setattr("raytracer.analysis.sweep.animation._MOST_PIXELS", 4 * WIDTH * HEIGHT / 4)
-    with PIL.Image.open(io.BytesIO(encode_animation(made_up(None, (F_NUMBER,)), images, "webp"))) as file:
-        assert (file.width, file.height) == (WIDTH // 2, HEIGHT // 2 + 20)
-
-
 def test_a_caption_says_the_values():
     """Where values differ, so do the words below the pictures; they are dark on white."""
     data = encode_animation(made_up(None, (F_NUMBER,)), images, "png")

@@ -9,7 +9,7 @@ import pytest
 
 from raytracer.analysis.sweep import contact_sheet
 from raytracer.analysis.sweep.results import Axis
-from tests.analysis.sweep.made_up import F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up, picture
+from tests.analysis.sweep.made_up import F_NUMBER, HEIGHT, WIDTH, images, made_up, picture
 
 
 def drawn(sweep):
@@ -63,12 +63,6 @@ def test_one_axis_fills_rows(zipped):
     # Under each there is a caption.
     ink = np.any(drawn(sweep) < 128, axis=-1)
     assert all(ink[row + HEIGHT : row + HEIGHT + 20, column : column + WIDTH].any() for row, column in order)
-
-
-@pytest.mark.parametrize("text", ["x" * 400, "tab\tand\nline", ""])
-def test_long_names_are_cut_and_lines_are_one(text):
-    axis = F_NUMBER._replace(labels=(text, "2", "2.8", "4"))
-    assert len(places(made_up(None, (axis, FOCUS)))) == 12
 
 
 def test_a_sheet_of_many_large_pictures_is_bounded(monkeypatch):

@@ -148,19 +148,6 @@ def test_names_are_text(open_page, tmp_path):
     wait(page, at(made, 0, 2, 0))
 
 
-def test_zipped_axes_have_one_slider(open_page, tmp_path):
-    focus = FOCUS._replace(values=(2.0, 5.0, 10.0, 20.0), labels=("2", "5", "10", "20"))
-    made = made_up(tmp_path, (F_NUMBER, focus), zipped=True)
-    write_page(made)
-    page = open_page(tmp_path / "index.html")
-    slider = page.get_by_role("slider", name="point A")
-    assert slider.count() == 1
-    slider.fill("2")
-    wait(page, at(made, 2, 2))
-    assert page.locator("#sliders output.a").inner_text() == "2.8, 10"
-    np.testing.assert_array_equal(seen(page), in_file(made, 2, 2))
-
-
 def test_sliders_and_keys_choose_the_picture(opened, sweep):
     page = opened()
     aperture, focus = (page.get_by_role("slider", name=f"{name}, point A") for name in ("f_number", "focus_distance"))

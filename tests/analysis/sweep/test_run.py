@@ -421,14 +421,6 @@ def test_what_stands_in_the_way_is_told_before_anything(swept, folder, bench, na
     assert bench.settings == []
 
 
-def test_a_picture_that_was_taken_away_meanwhile_is_not_shown(swept, folder, bench):
-    first = folder / "f_number=1.4_focus_distance=2.png"
-    bench.behave = lambda camera: first.unlink(missing_ok=True) if camera.f_number == 2.8 else None
-    swept(animate=["gif"])
-    assert not first.exists()
-    assert {"index.html", "contact_sheet.png", "sweep.gif"} <= {path.name for path in folder.iterdir()}
-
-
 # ---- While it is at work
 
 

@@ -63,13 +63,3 @@ def test_the_film_and_the_scene_agree(f_number):
         here = projected_solid_angle(bench, "y", height[row]) / projected_solid_angle(bench, "y", 0.0)
         # The film is off the paraxial focus by the aberrations of a lens wide open.
         assert here == pytest.approx(there, rel=0.01)
-
-
-def test_the_curve_is_smooth():
-    # No rings: second differences are small and even up to where rims begin to cut the pupil off, from where it falls.
-    bench = set_up_bench(shipped("double-gauss-50mm"), Settings(f_number=5.6, steps=81))
-    relative = illumination(bench).relative
-    second = np.diff(relative[:72], 2)
-    assert np.abs(second).max() < 2e-4
-    assert np.abs(np.diff(second)).max() < 5e-6
-    assert (np.diff(relative[72:]) < 0.0).all()

@@ -1,7 +1,6 @@
 """The whole study: every shipped lens, and lenses that lack something."""
 
 import json
-import math
 
 import pytest
 
@@ -27,18 +26,6 @@ def check(found):
     for topic, value in given.items():
         assert not nones(value) or topic in told, topic
     return given
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("f_number", [8.0, 22.0])
-@pytest.mark.parametrize("distance", [math.inf, 3000.0])
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_shipped_lenses_stopped_down_and_near(path, f_number, distance):
-    lens = read_lens(path)
-    near = distance if lens.focal_length is None or lens.focal_length < 200.0 else 2.0 * distance
-    given = check(study_lens(lens, QUICK._replace(f_number=f_number, focus_distance_mm=near)))
-    assert given["first_order"][0]["f_number"] == pytest.approx(f_number, rel=0.1)
-    assert all(value is not None for value in given["illumination"][0]["relative"])
 
 
 def test_a_lens_with_cylinders_has_two_of_each_and_no_seidel_sums():
