@@ -7,7 +7,7 @@ import pytest
 from skimage import metrics as peer
 
 from raytracer.analysis import compare
-from raytracer.analysis.compare.metrics import exposures, flip_package, require_extra, sums
+from raytracer.analysis.compare.metrics import flip_package, require_extra, sums
 from raytracer.util.errors import InputError
 
 # Higher than a band of rows, and with a last band that is not full.
@@ -100,16 +100,6 @@ def test_flip_counts_what_no_display_shows_as_its_limits(display):
 def test_flip_of_a_black_reference_is_refused_before_the_package_ends_the_process(value):
     with pytest.raises(InputError, match="black"):
         compare.flip(np.ones((4, 4, 3)), np.full((4, 4, 3), value), "linear")
-
-
-def test_exposures_are_as_many_as_the_package_takes(linear):
-    rng = np.random.default_rng(3)
-    for scale in (0.1, 1.0, 3.0):
-        reference = rng.lognormal(0.0, scale, (9, 15, 3))
-        _, _, used = flip_package().evaluate(
-            reference.astype(np.float32), reference.astype(np.float32), "HDR", applyMagma=False
-        )
-        assert exposures(reference) == used["numExposures"]
 
 
 def test_what_is_not_a_number_is_not_hidden(display):

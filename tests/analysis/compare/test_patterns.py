@@ -10,7 +10,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.ndimage import shift as shifted
 
-from raytracer.analysis.compare import compare, patterns, z_test
+from raytracer.analysis.compare import compare, z_test
 from raytracer.analysis.compare.image_pair import make_image_pair
 from raytracer.analysis.compare.patterns import PATTERNS, POWER, find_structure, symmetric_tail
 from raytracer.film.image import Image
@@ -128,20 +128,6 @@ def test_what_would_have_been_found_is_found_nine_times_of_ten(what):
     assert POWER == 0.9
     assert found[1.0] >= 29
     assert found[0.3] <= 8
-
-
-def test_bands_of_rows_are_one_picture(monkeypatch):
-    rng = np.random.default_rng(8)
-    scene = smooth_scene(150, 20)
-    pair = make_image_pair(*render(rng, scene), *render(rng, scene))
-    several = find_structure(pair, 1.0, alike=True, tile=16)
-    monkeypatch.setattr(patterns, "ROWS", 1024)
-    one = find_structure(pair, 1.0, alike=True, tile=16)
-    for first, second in ((several.whole, one.whole), (several.tiles, one.tiles)):
-        for values, expected in zip(first, second, strict=True):
-            np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
-    np.testing.assert_allclose(several.neighbour_z, one.neighbour_z, rtol=1e-9)
-    assert several.squares_z == pytest.approx(one.squares_z)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (2, 3), (17, 1)])

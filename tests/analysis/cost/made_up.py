@@ -4,21 +4,19 @@ Its scenes are real ones that are packed, but never compiled, and no clock is re
 """
 
 import math
+from collections import namedtuple
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.cost.bench import Bench
 from raytracer.core.error_estimate.metric import FLOOR
-from raytracer.kernel.packed_scene import Scene
 from raytracer.rendering.tile_renderer import RenderedTiles
 from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.scene.load import load
-from raytracer.scene.pack.scene import PackedScene, pack
-from raytracer.scene.spec import SceneSpec
+from raytracer.scene.pack.scene import pack
 
 Array = NDArray[np.float64]
 
@@ -33,21 +31,14 @@ objects:
 """
 
 
+Prepared = namedtuple("Prepared", "spec packed accel scene seconds")
+
+
 def scene_of(folder, width=160, height=112):
     """A scene with defocus and two materials."""
     path = folder / "scene.yaml"
     path.write_text(SCENE.format(width=width, height=height))
     return load(path)
-
-
-class MadeUp(NamedTuple):
-    """A scene that is as good as prepared."""
-
-    spec: SceneSpec
-    packed: PackedScene
-    accel: object
-    scene: Scene
-    seconds: dict[str, float]
 
 
 @dataclass
@@ -68,9 +59,9 @@ class World:
     steep: float = 0.09
     brightness: float = 2e-5
     per_sample: float = 1e-6
-    slower: Callable[[MadeUp], float] = lambda prepared: 1.0
-    noisier: Callable[[MadeUp], float] = lambda prepared: 1.0
-    brighter: Callable[[MadeUp], float] = lambda prepared: 1.0
+    slower: Callable = lambda prepared: 1.0
+    noisier: Callable = lambda prepared: 1.0
+    brighter: Callable = lambda prepared: 1.0
     jitter: float = 0.02
     uneven: bool = True
     bad: int = 0
@@ -83,7 +74,8 @@ class World:
     def prepare(self, spec, packed):
         packed = packed or pack(spec)
         accel = packed.built or object()
-        return MadeUp(packed.spec, packed, accel, packed.scene, {"pack": 0.0, "build": 0.5, "compile": 8.0})
+        seconds = {"pack": 0.0, "build": 0.5, "compile": 8.0}
+        return Prepared(packed.spec, packed, accel, packed.scene, seconds)
 
     def unevenness(self, windows):
         """Factors of noise and time by tile, with a mean of about 1, the right half of the picture being worse."""

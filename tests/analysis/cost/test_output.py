@@ -19,7 +19,7 @@ from PIL import Image
 from raytracer.analysis.cost import formatting, plots
 from raytracer.analysis.cost.export import to_csv, to_json
 from raytracer.analysis.cost.page import check_report, page, write_report
-from raytracer.analysis.cost.results import UNKNOWN, ConvergencePoint, PlanItem
+from raytracer.analysis.cost.results import UNKNOWN, PlanItem
 from raytracer.analysis.cost.text import study_text
 from raytracer.core.error_estimate.intervals import Interval
 from raytracer.util.errors import InputError, OutputError
@@ -163,21 +163,6 @@ def test_plots_are_drawn_where_there_is_something_to_draw(name):
             assert min(image.size) > 200
     if name == "one tile":
         assert (svg, png) == (plots.convergence_svg(study), plots.error_map_png(study))
-
-
-@pytest.mark.parametrize(
-    ("first", "seconds", "last", "target"),
-    [
-        (Interval(0.1, NAN, NAN), 1.0, UNKNOWN, UNKNOWN),
-        (Interval(0.1, 0.0, INF), 1.0, Interval(0.05, 0.06, 0.07), Interval(5.0, NAN, INF)),
-        (Interval(1e-9, 1e-9, 2e-9), 1e6, Interval(1e3, 1e3, 1e3), Interval(1e30, 1e29, 1e31)),
-    ],
-    ids=["unknown", "senseless", "wide"],
-)
-def test_plots_take_any_intervals(first, seconds, last, target):
-    points = (ConvergencePoint(16, 0.5, first), ConvergencePoint(64, seconds, last))
-    study = studies.study(prediction=studies.predicted(points=points, target_seconds=target))
-    assert plots.convergence_svg(study) is not None
 
 
 def test_the_plot_holds_the_measurements_the_target_and_both_slopes():

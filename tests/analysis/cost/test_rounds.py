@@ -5,7 +5,6 @@ import pytest
 
 from raytracer.analysis.cost.bench import Purpose, Subject, seeds
 from raytracer.analysis.cost.compare import _differs, is_steady
-from raytracer.analysis.cost.measure_scene import warm_up
 from raytracer.analysis.cost.rounds import prepare_variant
 from raytracer.analysis.cost.tile_sample import replicate_workload, round_workload
 from raytracer.analysis.cost.variants import make_variants
@@ -14,7 +13,7 @@ from raytracer.film.window import Window
 from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.load import load
 from raytracer.scene.scene_assets import SceneAssets
-from tests.analysis.cost.made_up import World, scene_of
+from tests.analysis.cost.made_up import World
 
 LARGE = split_into_tiles(Window(0, 0, 1200, 675))
 SMALL = split_into_tiles(Window(0, 0, 64, 48))
@@ -45,16 +44,6 @@ def test_the_means_of_all_rounds_fit_into_memory(tiles, turns):
 def test_seeds_differ_by_purpose_and_go_on():
     assert seeds(1, Purpose.PILOT, 5)[:3] == seeds(1, Purpose.PILOT, 3)
     assert not set(seeds(1, Purpose.PILOT, 5)) & (set(seeds(1, Purpose.ROUND, 5)) | set(seeds(2, Purpose.PILOT, 5)))
-
-
-def test_the_pace_is_that_of_the_whole_picture(tmp_path):
-    world = World(per_sample=1e-5)
-    spec = scene_of(tmp_path, 640, 400)
-    windows = split_into_tiles(Window(0, 0, 640, 400))
-    subject = Subject(world.prepare(spec, None), world.bench(), 4)
-    assert warm_up(subject, windows, 0) == pytest.approx(4e5 / world.unevenness(windows).mean(), rel=0.1)
-    # The first look takes no longer than a look.
-    assert sum(count * spp for count, spp, _ in world.calls) * 256 / 4e5 < 3.0
 
 
 @pytest.mark.parametrize(

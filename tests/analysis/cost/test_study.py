@@ -289,17 +289,6 @@ def test_small_pictures(tmp_path, width, height):
         assert any("one tile" in warning for warning in found.warnings)
 
 
-def test_a_slow_scene_is_measured_on_few_tiles_and_says_so(tmp_path):
-    # 1000 samples a second: a sample in every pixel takes four minutes.
-    world = World(per_sample=2e-3, linear=1.0)
-    found = studied(scene_of(tmp_path, 640, 400), world, variants=["defocus"])
-    spent = sum(tiles * spp for tiles, spp, _ in world.calls) * 256 * 2e-3 / 2
-    assert found.tiles_measured < 16
-    assert any("tiles were measured" in warning for warning in found.warnings)
-    # A minute for the prediction, and what little tells anything of a variant.
-    assert spent < 4 * 60
-
-
 def test_an_interrupt_leaves_what_there_is(spec):
     whole = World()
     studied(spec, whole, variants=["defocus"], rounds=9)

@@ -370,17 +370,6 @@ def test_kinds_that_a_scene_has_none_of_are_a_line_a_family():
     assert found.json()["effects"]["material.metal"] == {"active": False, "why": "0 objects of 1"}
 
 
-def test_an_exposure_value_without_a_speed_is_that_of_iso_100():
-    lens = f"{THIN}focal_length: 50 mm, f_number: 16, shutter: 1/128 s"
-    for speed, words in (
-        (", exposure: auto", "EV100 at ISO 100 15"),
-        (", iso: 200", "EV100 14"),
-        ("", "at ISO 100 15"),
-    ):
-        lines = [" ".join(line.split()) for line in explained(lens + speed).text().splitlines()]
-        assert any(line.endswith(words) for line in lines)
-
-
 def test_the_readme_shows_what_is_printed():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     shown = readme[readme.index("```\nSimulated") + 4 :].partition("```")[0].splitlines()

@@ -2,7 +2,7 @@
 
 import math
 import xml.etree.ElementTree as ET
-from itertools import combinations, groupby, pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -114,19 +114,6 @@ def test_a_shipped_lens_in_section(path):
     for row in {row for _, _, row in placed}:
         names = [(x, len(mark.name)) for mark, x, number in placed if number == row]
         assert all(b - a > 3.0 * (long + wide) for (a, long), (b, wide) in pairwise(names))
-
-
-def test_glass_is_told_from_air():
-    lens = plano_convex()
-    film = cardinal_points(lens.packed()).rear_focus
-    shown = build_cross_section(lens, lens.packed(), (film, 12.0), [0.0])
-    (outline,) = shown.outlines
-    assert outline.title == "n = 1.5000"
-    assert all(element.glass == AIR for element in lens.elements[1:])
-    # Flat front, straight rim up to the larger of the two, curved back.
-    kinds = [(kind, len(list(run))) for kind, run in groupby(outline.pieces, key=type)]
-    assert kinds == [(Line, 4), (Cubic, 12), (Line, 3)]
-    assert max(height for _, height in (piece.end for piece in outline.pieces)) == 12.5
 
 
 def test_rays_astray_do_not_make_all_else_small():

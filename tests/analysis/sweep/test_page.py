@@ -11,7 +11,7 @@ from raytracer.analysis.sweep.manifest import write_manifest
 from raytracer.analysis.sweep.page import page as page_of
 from raytracer.analysis.sweep.page import point_numbers as numbers_of
 from raytracer.analysis.sweep.results import PointResult
-from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up
+from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, images, made_up
 
 AT = "#camera.f_number={}&camera.focus_distance={}"
 
@@ -215,16 +215,6 @@ def test_two_points_are_wiped(opened, sweep):
     wait(page, at(sweep, 1, 2), at(sweep, 0, 2))
     page.keyboard.press("c")
     wait(page, at(sweep, 1, 2))
-
-
-def test_many_pixels_are_held_smaller(monkeypatch):
-    """What a browser could not hold becomes as many pixels as it can, and the page says so."""
-    made = made_up(None)
-    monkeypatch.setattr("raytracer.analysis.sweep.page._EXACT_PIXELS", 1.0)
-    monkeypatch.setattr("raytracer.analysis.sweep.page._MOST_PIXELS", 12 * WIDTH * HEIGHT / 4)
-    smaller = page_of(made, images)
-    assert b"scaled to 50 % and compressed" in smaller
-    assert f'"size":[{WIDTH // 2},{HEIGHT // 2}]'.encode() in smaller
 
 
 def test_numbers_are_those_that_were_metered_and_a_page_needs_no_picture():
