@@ -344,14 +344,3 @@ def test_questions_without_sense_are_refused_before_the_work(spec, options, word
     with pytest.raises(InputError, match=words.replace("?", r"\?")):
         studied(spec, world, **options)
     assert world.calls == []
-
-
-def test_progress_goes_from_phase_to_phase(spec):
-    seen = []
-    studied(spec, World(), variants=["defocus"], progress=seen.append)
-    phases = list(dict.fromkeys(progress.phase for progress in seen))
-    assert phases == ["pack", "plan", "prepare", "warm up", "predict", "develop", "compile variants", "compare"]
-    for phase in ("predict", "compile variants", "compare"):
-        fractions = [progress.fraction for progress in seen if progress.phase == phase]
-        assert fractions == sorted(fractions)
-        assert fractions[-1] == pytest.approx(1.0)

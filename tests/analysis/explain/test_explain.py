@@ -357,19 +357,6 @@ def test_objects_are_those_with_a_name_or_a_motion():
     assert "and 2 more that move" in found.text()
 
 
-def test_kinds_that_a_scene_has_none_of_are_a_line_a_family():
-    found = explained("type: pinhole")
-    left_out = found.text().partition("Left out\n")[2].partition("\n\n")[0]
-    joined = " ".join(left_out.split())
-    assert "material none of boundary, cutout, dielectric, emitter, metal, " in joined
-    assert "shape none of box, disc, " in joined
-    assert "sphere" not in joined
-    assert "0 objects" not in joined
-    assert max(map(len, left_out.splitlines())) <= 100
-    # For programs there is a line each.
-    assert found.json()["effects"]["material.metal"] == {"active": False, "why": "0 objects of 1"}
-
-
 def test_the_readme_shows_what_is_printed():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     shown = readme[readme.index("```\nSimulated") + 4 :].partition("```")[0].splitlines()

@@ -165,30 +165,14 @@ def test_samples_that_are_not_finite_fail_unless_the_reference_had_some(renders,
     assert check_reference(reference(tmp_path, "other")).passed
 
 
-@pytest.mark.parametrize(
-    ("key", "before", "after", "gains"),
-    [
-        (
-            "camera.exposure",
-            {"metering": "average", "exposure_gain": 2.0},
-            {"metering": "average", "exposure_gain": 2.1},
-            (2.0, 2.0, 2.0),
-        ),
-        (
-            "film.white_balance",
-            {"white_balance_gains": "0.5,1.0,2.0"},
-            {"white_balance_gains": "0.525,1.05,2.1"},
-            (0.5, 1.0, 2.0),
-        ),
-    ],
-)
-def test_gains_that_are_measured_do_not_fail_by_their_own_noise(key, before, after, gains, renders, scene):
+def test_gains_that_are_measured_do_not_fail_by_their_own_noise(renders, scene):
     path = scene.with_name("ball.npz")
+    before, after = ({"white_balance_gains": gains} for gains in ("0.5,1.0,2.0", "0.525,1.05,2.1"))
     renders.settings = before
-    found = render_reference.prepare_reference_scene(scene, scene.parent, {key: "auto"}, None)
+    found = render_reference.prepare_reference_scene(scene, scene.parent, {"film.white_balance": "auto"}, None)
     made = render_reference.render_reference(found)
     save_reference(path, *made)
-    assert made.recipe.gains == gains
+    assert made.recipe.gains == (0.5, 1.0, 2.0)
     # All is brighter by 5 %, since the gain is.
     renders.change, renders.settings = lambda picture: 1.05 * picture, after
     first = check_reference(path)
