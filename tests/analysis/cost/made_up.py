@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raytracer.analysis.cost.bench import Bench
 from raytracer.core.error_estimate.metric import FLOOR
@@ -17,8 +16,6 @@ from raytracer.rendering.tile_renderer import RenderedTiles
 from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack
-
-Array = NDArray[np.float64]
 
 SCENE = """\
 camera: {{type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40, defocus_angle: 1}}

@@ -84,15 +84,6 @@ def test_frames_are_bounded_and_of_one_size():
     assert np.all(second[:480, :240] == 255)
 
 
-def test_a_caption_says_the_values():
-    """Where values differ, so do the words below the pictures; they are dark on white."""
-    data = encode_animation(made_up(None, (F_NUMBER,)), images, "png")
-    with PIL.Image.open(io.BytesIO(data)) as file:
-        words = [np.asarray(frame.convert("L"))[HEIGHT:] for frame in PIL.ImageSequence.Iterator(file)]
-    assert all((word < 100).any() and word.max() == 255 for word in words)
-    assert not any(np.array_equal(a, b) for a, b in pairwise(words))
-
-
 @pytest.mark.parametrize(("kind", "fps"), [("avi", 5.0), ("gif", 0.0), ("gif", 51.0), ("gif", math.nan), ("gif", -1.0)])
 def test_what_cannot_be_is_refused(kind, fps):
     with pytest.raises(InputError, match=r"--(animate|fps) \S+: must be"):

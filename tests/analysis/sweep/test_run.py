@@ -6,6 +6,7 @@ import math
 import os
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -54,48 +55,36 @@ def swept(scene, folder, bench):
     return swept
 
 
-class FakeReady:
-    """A scene made ready whose picture is of one colour, by its camera's numbers."""
-
-    def __init__(self, spec, behave):
-        self.packed = pack(spec)
-        self._behave = behave
-
-    def render(self, *, progress, checkpoint_writer=None):
-        progress(Progress(1, 2, 0.0))
-        camera = self.packed.spec.camera
-        interrupted = False
-        try:
-            self._behave(camera)
-        except KeyboardInterrupt:
-            interrupted = True
-        value = camera.f_number * 0.1 + camera.focus_distance * 0.01
-        stats = Stats(seconds={"render": 0.5, "total": 0.75}, rays=7, samples=48)
-        stats.spp = {"fewest": 16, "mean": 16.0, "most": 16}
-        stats.error = {"relative": 0.25, "low": 0.2, "high": 0.3, "exponent": 1.0}
-        image = Image(np.full((6, 8, 3), value), samples=16)
-        return Rendered(image, stats, not interrupted, interrupted, 16, None)
-
-
 class Bench:
-    """Counts what was made ready and rendered; `before` is called with each scene, `behave` in each render."""
+    """Make scenes ready whose pictures are of one colour, by their cameras' numbers, and count what is rendered.
+
+    `before` is called with each scene that is made ready, `behave` with each camera that is rendered.
+    """
 
     def __init__(self):
-        self.rendered = []
-        self.settings = []
-        self.before = lambda spec, **settings: None
-        self.behave = None
+        self.rendered, self.settings = [], []
+        self.before, self.behave = lambda spec, **settings: None, None
 
     def ready(self, spec, options, **settings):
         self.settings.append({**vars(options), **settings})
         self.before(spec, **settings)
+        packed = pack(spec)
+        return SimpleNamespace(packed=packed, render=lambda **keys: self.render(packed.spec.camera, **keys))
 
-        def noted(camera):
+    def render(self, camera, *, progress, checkpoint_writer=None):
+        progress(Progress(1, 2, 0.0))
+        interrupted = False
+        try:
             if self.behave is not None:
                 self.behave(camera)
             self.rendered.append((camera.f_number, camera.focus_distance))
-
-        return FakeReady(spec, noted)
+        except KeyboardInterrupt:
+            interrupted = True
+        stats = Stats(seconds={"render": 0.5, "total": 0.75}, rays=7, samples=48)
+        stats.spp = {"fewest": 16, "mean": 16.0, "most": 16}
+        stats.error = {"relative": 0.25, "low": 0.2, "high": 0.3, "exponent": 1.0}
+        image = Image(np.full((6, 8, 3), camera.f_number * 0.1 + camera.focus_distance * 0.01), samples=16)
+        return Rendered(image, stats, not interrupted, interrupted, 16, None)
 
 
 @pytest.fixture
@@ -368,15 +357,14 @@ def test_an_interrupt_keeps_what_is_done(swept, folder, bench):
     assert not (folder / "new").exists()
 
 
-def test_a_lost_cluster_ends_the_sweep(swept, folder, monkeypatch):
-    render = FakeReady.render
+def test_a_lost_cluster_ends_the_sweep(swept, folder, bench, monkeypatch):
+    render = bench.render
 
-    def lose(self, *, progress, checkpoint_writer):
-        rendered = render(self, progress=progress)
-        lost = self.packed.spec.camera.f_number == 2.0
-        return rendered._replace(failure="the scheduler has gone") if lost else rendered
+    def lose(camera, **keys):
+        rendered = render(camera, **keys)
+        return rendered._replace(failure="the scheduler has gone") if camera.f_number == 2.0 else rendered
 
-    monkeypatch.setattr(FakeReady, "render", lose)
+    monkeypatch.setattr(bench, "render", lose)
     with pytest.raises(OutputError, match="the scheduler has gone"):
         swept()
     told = json.loads((folder / "manifest.json").read_text())

@@ -191,14 +191,3 @@ def test_sums_of_colour():
     ]
     # On the film of the primary colour chief rays of others land off by what their images are larger or smaller.
     assert heights[0] - heights[1] == pytest.approx(-sums.total_lateral_colour / slope, rel=1e-3)
-
-
-def test_sums_are_the_same_however_the_lens_is_focused():
-    # The Petzval sum is one of the glass alone: S4 = H^2 sum of power / (n n').
-    lens = aspheric_pair()
-    surfaces = lens.packed()
-    n = surfaces.ior
-    petzval = float((surfaces.curvature * np.diff(n) / (n[1:] * n[:-1])).sum())
-    for distance in DISTANCES:
-        _, sums, _ = bench_and_sums(lens, 5.0, 3.0, distance)
-        assert sums.total_petzval / sums.lagrange_mm**2 == pytest.approx(petzval, rel=1e-12)
