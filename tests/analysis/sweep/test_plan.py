@@ -125,12 +125,9 @@ def test_all_combinations_the_last_axis_fastest():
     assert [point.index for point in points] == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
     assert points[4].values == {"camera.f_number": 2, "camera.focus_distance": 2}
     assert points[4].name == "f_number=2_focus_distance=2"
-
-
-def test_pairs():
-    points = enumerate_points(axes_of(camera__shutter="1/1000..1/125", camera__iso="800..100"), zipped=True)
-    assert [point.index for point in points] == [(0, 0), (1, 1), (2, 2), (3, 3)]
-    assert points[3].name == "shutter=1-125s_iso=100"
+    pairs = enumerate_points(axes_of(camera__shutter="1/1000..1/125", camera__iso="800..100"), zipped=True)
+    assert [point.index for point in pairs] == [(0, 0), (1, 1), (2, 2), (3, 3)]
+    assert pairs[3].name == "shutter=1-125s_iso=100"
 
 
 def test_a_sweep_says_in_a_line_what_it_is():
@@ -291,13 +288,10 @@ def test_lists_arrays_and_ranges_of_python_areaxes_of():
     assert parse_value("k", np.linspace(0.0, 1.0, 3), "k").axis.values == (0.0, 0.5, 1.0)
     assert parse_value("k", range(3), "k").axis.values == (0, 1, 2)
     assert parse_value("k", ("2 m", [1, 0, 0], None), "k").axis.labels == ("2 m", "[1, 0, 0]", "null")
+    assert parse_value("k", ["1:2:3", "a,b"], "k").axis.values == ("1:2:3", "a,b")
     assert parse_value("k", 1.0 / 3.0, "k").fixed
     with pytest.raises(ValueError, match="no values"):
         parse_value("k", [], "k")
-
-
-def test_a_list_of_python_holds_values_and_no_ranges():
-    assert parse_value("k", ["1:2:3", "a,b"], "k").axis.values == ("1:2:3", "a,b")
 
 
 @pytest.mark.parametrize(

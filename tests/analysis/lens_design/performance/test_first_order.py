@@ -61,11 +61,7 @@ def test_pupils_and_f_numbers_of_a_thin_lens():
     angles = (found.field_of_view_width_deg, found.field_of_view_height_deg, found.field_of_view_diagonal_deg)
     for angle, size in zip(angles, (36.0, 24.0, math.hypot(36.0, 24.0)), strict=True):
         assert angle == pytest.approx(2.0 * math.degrees(math.atan(size / 160.0)), rel=1e-7)
-
-
-def test_magnification_of_a_near_object():
     # 1 / s' = 1 / f - 1 / s: at 3 f the image is half as large, and upside down.
-    bench = bench_at(thin_lens(50.0, 0.0, constant_index_glass(1.5), 2.0), focus_distance_mm=150.0)
-    found = first_order(bench)
-    assert found.magnification == pytest.approx(-0.5, rel=1e-7)
-    assert found.film_z_mm == pytest.approx(75.0, rel=1e-7)
+    near = first_order(bench_at(thin_lens(50.0, 0.0, constant_index_glass(1.5), 2.0), focus_distance_mm=150.0))
+    assert near.magnification == pytest.approx(-0.5, rel=1e-7)
+    assert near.film_z_mm == pytest.approx(75.0, rel=1e-7)
