@@ -70,7 +70,6 @@ def test_values_become_the_colours_of_their_places_on_the_scale():
 
 
 def assert_alike(found, expected):
-    """The same colours, but for a step where rounding decides."""
     np.testing.assert_allclose(found.astype(int), expected.astype(int), atol=6)
 
 
@@ -138,13 +137,11 @@ def test_what_cannot_be_shown_is_said(pair):
 
 
 def seen(page, side):
-    """The pixels that a side of the wipe shows."""
     address = page.eval_on_selector(f"canvas.wipe-{side}", "canvas => canvas.toDataURL()")
     return pixels_of(base64.b64decode(address.partition(",")[2])).astype(int)
 
 
 def choose(page, **chosen):
-    """Choose views and move sliders, and wait for what they show."""
     for name, value in chosen.items():
         if name in ("left", "right"):
             page.select_option(f"#{name}", value)

@@ -18,7 +18,6 @@ QUICK = ("mae", "mse", "psnr")
 
 
 def render(seed, gain=1.0, spp=64, **settings):
-    """An image with normal noise that knows its variance."""
     rng = np.random.default_rng(seed)
     scene = gain * np.linspace(0.2, 0.9, 32)[:, None] * np.array([1.0, 0.7, 0.4]) * np.ones(SHAPE)
     variance = (0.5 * scene) ** 2 / spp

@@ -17,7 +17,6 @@ SHAPE = (147, 38, 3)
 
 @pytest.fixture(scope="module")
 def display():
-    """Two random images of display values."""
     rng = np.random.default_rng(1)
     b = rng.random(SHAPE)
     return np.clip(b + 0.1 * rng.standard_normal(SHAPE), 0.0, 1.0), b

@@ -19,7 +19,6 @@ HEIGHT, WIDTH = 45, 64
 
 
 def smooth_scene(height=HEIGHT, width=WIDTH):
-    """An image whose details are several pixels wide, with different channels."""
     rng = np.random.default_rng(0)
     grey = gaussian_filter(rng.standard_normal((height, width)), 2.5, mode="mirror")
     return (1.0 + 0.3 * grey / grey.std())[..., None] * [1.0, 0.7, 0.4]

@@ -14,7 +14,6 @@ HEIGHT, WIDTH = 45, 64
 
 @pytest.fixture(scope="module")
 def scene():
-    """A textured image with different channels."""
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     grey = (0.5 + 0.3 * np.sin(x / 5) * np.cos(y / 7)) * (1 + 0.3 * np.sign(np.sin(2.1 * x) * np.sin(1.7 * y)))
     return grey[..., None] * [1.0, 0.7, 0.4]

@@ -32,7 +32,6 @@ Prepared = namedtuple("Prepared", "spec packed accel scene seconds")
 
 
 def scene_of(folder, width=160, height=112):
-    """A scene with defocus and two materials."""
     path = folder / "scene.yaml"
     path.write_text(SCENE.format(width=width, height=height))
     return load(path)

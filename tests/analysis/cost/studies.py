@@ -87,7 +87,6 @@ MACHINE = {
 
 
 def measured(width, height, part):
-    """An error map and a picture of which about that part of the tiles is there."""
     rng = np.random.default_rng(1)
     rows, columns = -(-height // 16), -(-width // 16)
     there = rng.random((rows, columns)) < part
@@ -131,7 +130,6 @@ NO_PICTURE = {"top_share": NAN, "error_map": np.full((225, 400), NAN), "picture"
 
 
 def nothing():
-    """Of a scene about which nothing could be found out."""
     return study(plan=(), prediction=NO_PREDICTION, variants=(), seconds={}, machine={}, warnings=(), **NO_PICTURE)
 
 

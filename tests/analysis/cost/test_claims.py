@@ -42,8 +42,6 @@ def floor(albedo=0.5):
 
 
 def bench():
-    """Pictures as they are, and times by the number of rays."""
-
     def rendered(prepared, windows, spp, seed, threads, keep=()):
         patch = render_tiles(prepared, windows, spp, seed, 2, keep)
         busy = RAY * patch.rays

@@ -53,16 +53,6 @@ def test_kinds_of_a_family_with_one_reason_are_told_together():
     assert "media; shape box, disc" in " ".join(study_text(found).split())
 
 
-def test_variants_keep_their_order_within_groups():
-    groups = formatting.group_variants(studies.variants())
-    assert [(title, [variant.name for variant in variants]) for title, variants in groups] == [
-        ("", ["scene", "A/A"]),
-        ("without", ["defocus", f"material {studies.EVIL}", "media"]),
-        ("with", ["accuracy=fast", "max_depth=4", "roulette"]),
-        ("with another sampler", ["sampler=independent"]),
-    ]
-
-
 @every_study
 def test_text_is_plain_and_fits(name):
     for width in (60, 100, 160):
@@ -166,7 +156,6 @@ def test_plots_are_drawn_where_there_is_something_to_draw(name):
 
 
 def test_the_plot_holds_the_measurements_the_target_and_both_slopes():
-    """Read off the drawing itself, between its axes' limits."""
     from matplotlib.figure import Figure
 
     study = studies.study()

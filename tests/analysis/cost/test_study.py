@@ -333,6 +333,7 @@ def test_what_makes_a_prediction_doubtful_is_warned_of(spec, world, options, wha
         ({"tiles": 0}, "tiles 0: must be at least 16"),
         ({"tiles": 15}, "tiles 15: must be at least 16"),
         ({"variants": ["defocsu"]}, "did you mean 'defocus'?"),
+        ({"variants": ["environment"]}, "no variant without environment: it is all the light"),
     ],
 )
 def test_questions_without_sense_are_refused_before_the_work(spec, options, words):

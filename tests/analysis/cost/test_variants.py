@@ -8,7 +8,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from raytracer.analysis.cost.removals import in_all_materials
-from raytracer.analysis.cost.variants import REPEAT, Variant, make_variants, reasons_without_variant, select_variants
+from raytracer.analysis.cost.variants import REPEAT, make_variants, reasons_without_variant
 from raytracer.core.fresnel import REC709_LUMINANCE
 from raytracer.core.motion.resolve import matrix_at
 from raytracer.plugins.lights.background import Background
@@ -17,7 +17,6 @@ from raytracer.scene.load import build, load
 from raytracer.scene.pack.scene import pack
 from raytracer.schema.registry import MATERIALS, MEDIA, SHAPES, TEXTURES
 from raytracer.schema.transform import matrix_of
-from raytracer.util.errors import InputError
 from tests.plugins.cameras.kernels import weighted_rays
 
 SCENES = Path(__file__).parents[3] / "scenes"
@@ -54,7 +53,6 @@ objects: [{type: sphere, center: [0, 0, -5], radius: 1}]
 
 
 def text(**parts):
-    """SMALL with other values of some keys."""
     lines = [line for line in SMALL.strip().splitlines() if line.split(":")[0] not in parts]
     return "\n".join([*lines, *(f"{key}: {value}" for key, value in parts.items())])
 
@@ -68,7 +66,6 @@ def active(spec, scene):
 
 
 def without(spec, name):
-    """The checked and the packed scene of a variant."""
     packed = pack(spec)
     (variant,) = [item for item in make_variants(packed.spec, packed) if item.name == name]
     made = variant.pack(packed.spec)
@@ -82,7 +79,6 @@ def of_file(path):
 
 
 def equal(a, b):
-    """Tell if packed values are of the same types, with the same bits."""
     if type(a) is not type(b):
         return False
     if isinstance(a, tuple):
@@ -480,14 +476,3 @@ def test_what_goes_with_a_material_goes_from_the_packed_scene():
     assert len(scene.textures) == 1
     boundary = of("{type: boundary}")
     assert {"material.boundary", "passage"} <= set(reasons_without_variant(boundary, pack(boundary)))
-
-
-def test_variants_are_chosen_by_name_with_the_control():
-    names = ("defocus", "accuracy=fast", "max_depth=4")
-    found = [Variant(REPEAT, "control", "."), *(Variant(name, "effect", ".") for name in names)]
-    for asked, chosen in ((["max_depth=4", "defocus"], [REPEAT, "defocus", "max_depth=4"]), ([], [REPEAT])):
-        assert [item.name for item in select_variants(found, asked)] == chosen
-    with pytest.raises(InputError, match="unknown variant 'defokus'; did you mean 'defocus'"):
-        select_variants(found, ["defokus"])
-    with pytest.raises(InputError, match="no variant without environment: it is all the light that there is"):
-        select_variants(found, ["environment"], {"environment": "it is all the light that there is"})

@@ -27,7 +27,6 @@ HERE = "look_from: [0, 0, 0], look_at: [0, 0, -1]"
 
 
 def explained(camera, *objects, lights="", circle=None, width=1500, height=1000):
-    """The explanation of a camera at the origin that looks along -z."""
     items = objects or ("type: sphere, center: [0, 0, -2], radius: 0.1",)
     head = f"camera: {{{HERE}, {camera}}}\nenvironment: {{type: constant, radiance: 1}}\nlights: [{lights}]\nobjects:\n"
     text = head + "".join(f"  - {{{item}}}\n" for item in items)

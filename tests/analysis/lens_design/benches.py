@@ -82,7 +82,6 @@ def bench_at(lens, film=None, **settings):
 
 
 def sensor(largest):
-    """A sensor whose corner is so far from its middle."""
     return (1.2 * largest, 1.6 * largest)
 
 

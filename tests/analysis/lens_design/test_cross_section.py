@@ -29,7 +29,6 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 def points_of(start, pieces):
-    """Points of an outline of cubic curves (n, 2)."""
     t = np.linspace(0.0, 1.0, 21)[:, None]
     found = []
     for cubic in pieces:
@@ -88,7 +87,6 @@ def test_rays_of_a_far_point_are_parallel_and_meet_every_surface():
 
 
 def written(shown):
-    """The drawings as a file."""
     with style(ON_PAPER):
         return ET.fromstring(to_svg(figure_of(shown, 10.0, 9.0), names=names_of(shown), tight=True))
 

@@ -21,7 +21,6 @@ objects:
 
 
 def truth(width=WIDTH, height=HEIGHT):
-    """A picture of different channels."""
     y, x = np.mgrid[:height, :width]
     grey = (0.5 + 0.3 * np.sin(x / 5) * np.cos(y / 7)) * (1 + 0.3 * np.sign(np.sin(2.1 * x) * np.sin(1.7 * y)))
     return np.asarray(grey[..., None] * [1.0, 0.7, 0.4])
@@ -54,14 +53,12 @@ class MadeUp:
         )
 
     def install(self, monkeypatch):
-        """Let references and checks be made of it."""
         for module in (render_reference, check):
             monkeypatch.setattr(module, "render", self)
         return self
 
 
 def reference(folder, name="ball", spp=4096, width=None):
-    """A scene in `folder`, and its reference in `folder`/references."""
     scene = folder / f"{name}.yaml"
     scene.write_text(SCENE, encoding="utf-8")
     found = render_reference.prepare_reference_scene(scene, folder / "references", {}, width)

@@ -28,7 +28,6 @@ def renders(monkeypatch):
 
 @pytest.fixture
 def path(renders, tmp_path):
-    """The reference of a scene beside it, ball.yaml."""
     return reference(tmp_path)
 
 

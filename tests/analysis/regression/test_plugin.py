@@ -33,7 +33,6 @@ def _imported(tmp_path_factory):
 
 @pytest.fixture
 def project(pytester, renders, _imported):
-    """A scene, and a folder for a test of it."""
     (pytester.path / "ball.yaml").write_text(SCENE, encoding="utf-8")
     (pytester.path / "tests").mkdir()
     return pytester

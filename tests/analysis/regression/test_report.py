@@ -14,7 +14,6 @@ from tests.analysis.regression.made_up import HEIGHT, WIDTH, truth
 
 
 def result(name, change=1.0, light=1.0, broken=False, **settings):
-    """Make the result of a check of a picture that is brighter by a factor, of so much light."""
     rng = np.random.default_rng(len(name))
     mean = light * truth()
     kept = Reference(
@@ -100,7 +99,6 @@ def test_what_passed_is_seen_when_it_is_asked_for(shown):
 
 
 def test_light_of_any_strength_and_values_that_are_not_finite_are_shown(shown):
-    """Dark pictures are brightened and bright ones dimmed."""
     page = shown(result("dark", 1.1, light=1e-3), result("light", 1.1, light=1e3), result("fair", 1.1, broken=True))
     for image in page.locator("section.result figure:first-child > img").all():
         assert 40.0 < np.mean(image.evaluate(MEAN_COLOUR)[2:]) < 220.0

@@ -13,7 +13,6 @@ ALBEDO = Axis("materials.<b>&amp;.albedo", ([1, 0, 0], [0, 1, 0]), ("[1,0,0]", "
 
 
 def picture(point):
-    """Noise of the point's own."""
     seed = sum(number * 10**place for place, number in enumerate(point.index))
     return np.random.default_rng(seed).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
 
@@ -23,7 +22,6 @@ def images(taken):
 
 
 def made_up(folder, axes=(F_NUMBER, FOCUS), *, zipped=False, failed=(), missing=()):
-    """A sweep whose pictures are files in `folder`, if there is one."""
     shape = (len(axes[0].values),) if zipped else tuple(len(axis.values) for axis in axes)
     taken = []
     for number, place in enumerate(np.ndindex(shape)):

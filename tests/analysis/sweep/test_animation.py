@@ -16,7 +16,6 @@ from tests.analysis.sweep.made_up import F_NUMBER, HEIGHT, WIDTH, images, made_u
 
 
 def frames(data):
-    """Frames, without what is below the pictures."""
     with PIL.Image.open(io.BytesIO(data)) as file:
         return [np.asarray(frame.convert("RGB"))[:HEIGHT] for frame in PIL.ImageSequence.Iterator(file)]
 

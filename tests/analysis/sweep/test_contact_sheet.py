@@ -18,7 +18,6 @@ def drawn(sweep):
 
 
 def places(sweep):
-    """Row and column where each picture is found, pixel for pixel."""
     whole = drawn(sweep)
     found = {}
     for taken in sweep.results:

@@ -17,7 +17,6 @@ AT = "#camera.f_number={}&camera.focus_distance={}"
 
 
 def write_page(made):
-    """Write the page beside the pictures, as `output_layout` does."""
     (made.folder / "index.html").write_bytes(page_of(made, images))
 
 
@@ -58,13 +57,11 @@ def seen(page, side="left"):
 
 
 def in_file(sweep, *index):
-    """The picture of a point as its file holds it."""
     with PIL.Image.open(sweep.folder / at(sweep, *index).files[0]) as file:
         return np.asarray(file)
 
 
 def wait(page, *points):
-    """Until the pictures of these points are shown."""
     names = " | ".join(taken.point.name for taken in points)
     page.locator(f'body[data-shown="{names}"]').wait_for()
 
@@ -107,7 +104,6 @@ def test_a_picture_of_the_overview_is_chosen_by_a_click(opened, sweep):
 
 
 def test_the_address_says_what_is_seen(opened, sweep):
-    """What is sent to somebody else is what they see."""
     page = opened(AT.format("2", "5") + "&vs.camera.f_number=1.4&vs.camera.focus_distance=10")
     wait(page, at(sweep, 1, 1), at(sweep, 0, 2))
     page.get_by_role("slider", name="f_number, point A").fill("0")
@@ -130,7 +126,6 @@ def test_nothing_is_wider_than_the_window(opened, size):
 
 
 def test_names_are_text(open_page, tmp_path):
-    """Whatever a scene calls its parts, and whatever goes wrong, is shown as it is written."""
     made = made_up(tmp_path, (ALBEDO, F_NUMBER, FOCUS), failed=((0, 0, 0),))
     made = dataclasses.replace(made, scene="/home/me/<b>&amp;.yaml")
     write_page(made)
