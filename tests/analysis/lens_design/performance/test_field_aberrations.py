@@ -98,14 +98,13 @@ def test_a_stop_before_a_lens_makes_barrels_behind_it_cushions():
     assert distortion(behind).percent[-1] > 1.0
 
 
-@pytest.mark.parametrize("distance", [math.inf, 400.0])
-@pytest.mark.parametrize("meridian", ["y", "x"])
+@pytest.mark.parametrize(("meridian", "distance"), [("y", math.inf), ("x", 400.0)])
 def test_cylinders_have_none_near_the_axis(meridian, distance):
-    bench = bench_at(cylinder_pair(), focus_distance_mm=distance, sensor_mm=(8.0, 8.0), steps=81)
+    bench = bench_at(cylinder_pair(), focus_distance_mm=distance, sensor_mm=(8.0, 8.0), steps=41)
     percent = np.abs(distortion(bench, meridian).percent)
     # It grows with the square of the field.
     assert percent[-1] > 1e-3
-    assert percent[4] == pytest.approx(percent[8] / 4.0, rel=0.01)
+    assert percent[2] == pytest.approx(percent[4] / 4.0, rel=0.01)
 
 
 def test_fields_behind_the_lens():
