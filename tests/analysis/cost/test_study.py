@@ -99,22 +99,6 @@ def test_a_tenth_of_the_tiles_tell_of_all(tmp_path):
     )
 
 
-def test_where_noise_is_rare_most_tiles_are_measured_where_it_is(tmp_path):
-    class Lamp(World):
-        def unevenness(self, windows):
-            return np.array([40.0 if w.left < 64 and w.top < 64 else 0.6 for w in windows])
-
-    spec, world = scene_of(tmp_path, 640, 640), Lamp(per_sample=3e-6)
-    found = studied(spec, world, variants=[], tiles=100)
-    measured = np.isfinite(found.error_map)
-    assert measured[:64, :64].all()
-    # A tenth of the tiles would hold one or two of the sixteen that matter.
-    mean = (16 * 40.0 + (1600 - 16) * 0.6) / 1600
-    assert found.prediction.points[-1].error.value == pytest.approx(
-        math.sqrt(mean * world.mse(found.prediction.points[-1].spp)), rel=0.03
-    )
-
-
 # ---- Variants
 
 
@@ -188,19 +172,6 @@ def test_another_sampler_has_a_slope_of_its_own(spec):
     assert row.target_spp == pytest.approx(0.5 / 1e-4, rel=0.1)
     ratio = (0.5 / row.spp) / (0.05 / row.spp + 0.5 / row.spp**1.5)
     assert row.noise_ratio.value == pytest.approx(ratio, rel=0.05)
-
-
-def test_all_variants_of_a_round_have_one_seed_and_the_control_another(spec):
-    world = World()
-    found = studied(spec, world, variants=["defocus"])
-    last = world.calls[-27:-18]
-    assert {spp for _, spp, _ in last} == {found.variants[0].spp}
-    in_rounds = [[seed for _, _, seed in last[3 * r : 3 * r + 3]] for r in range(3)]
-    # Scene, control, variant; then each a place earlier.
-    assert in_rounds[0][0] == in_rounds[0][2] != in_rounds[0][1]
-    assert in_rounds[1][2] == in_rounds[1][1] != in_rounds[1][0]
-    assert in_rounds[2][0] == in_rounds[2][1] != in_rounds[2][2]
-    assert len({seed for row in in_rounds for seed in row}) == 6
 
 
 def test_a_variant_that_cannot_be_packed_says_so_in_its_row(spec, monkeypatch):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import raytracer as rt
-from raytracer.analysis.sweep import output_layout, prepare_points, run
+from raytracer.analysis.sweep import prepare_points, run
 from raytracer.analysis.sweep.output_layout import stale_images
 from raytracer.analysis.sweep.run import sweep
 from raytracer.film import image_file
@@ -236,21 +236,6 @@ def test_a_file_that_changes_during_a_sweep_and_back_is_rendered_again(swept, sc
     bench.before = lambda spec, **settings: None
     assert swept(values).reused == 1
     assert [f_number for f_number, _ in bench.rendered] == [2.0, 2.8, 4.0]
-
-
-def test_the_manifest_is_not_written_after_every_point(swept, monkeypatch):
-    """It tells of all points: after 1, 2, 4, 8 of them, and at the end."""
-    told = []
-    write = run.write_manifest
-
-    def counted(result, folder):
-        told.append(statuses(result).count("done"))
-        write(result, folder)
-
-    for module in (run, output_layout):
-        monkeypatch.setattr(module, "write_manifest", counted)
-    swept({"camera.f_number": "1:9:9", "camera.focus_distance": 2})
-    assert told == [1, 2, 4, 8, 9]
 
 
 class _Killed(BaseException):
