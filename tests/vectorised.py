@@ -58,9 +58,10 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
 
     def call(*arguments: Any) -> Any:
         count = next(len(values) for values in _all_rows(arguments))
-        out = np.empty((count, _WORDS))
+        # Column by column, so that what is not written takes no memory.
+        out = np.empty((_WORDS, count)).T
         example = _fill(_tag(kernel), arguments, out)
-        return _shaped(example, iter(out.T.copy()))
+        return _shaped(example, map(np.copy, out.T))
 
     return call
 
@@ -120,16 +121,31 @@ def _generated(text: str, **names: Any) -> Callable[..., Any]:
     return names["generated"]  # type: ignore[no-any-return]
 
 
+# These are what the interpreter calls, under NUMBA_DISABLE_JIT.
+
+
 def _apply(tag, arguments, index):
-    raise NotImplementedError
+    return _kernels[type(tag)](*(_row(argument, index) for argument in arguments))
 
 
 def _row(argument, index):
-    raise NotImplementedError
+    if isinstance(argument, Numbers):
+        return argument.values[index]
+    if isinstance(argument, Pairs | Triples):
+        return tuple(argument.values[index])
+    if not any(True for _ in _all_rows((argument,))):
+        return argument
+    items = (_row(item, index) for item in argument)
+    return tuple(items) if type(argument) is tuple else type(argument)(*items)
 
 
 def _store(value, out, index, column):
-    raise NotImplementedError
+    if not isinstance(value, tuple):
+        out[index, column] = np.nan if value is None else value
+        return column + (value is not None)
+    for item in value:
+        column = _store(item, out, index, column)
+    return column
 
 
 def _choose_apply(tag: Any, arguments: Any, index: Any) -> Callable[..., Any]:

@@ -13,7 +13,7 @@ from raytracer.core.primitives.translated import Translated
 from raytracer.core.primitives.triangles import DeformingTriangles
 from raytracer.rendering.render import render
 from raytracer.scene.effects import effects_of
-from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.pack.scene import pack
 from raytracer.schema.transform import Rotate, Step
 from tests.core.motion.kernels import leave, met, times_of
 from tests.plugins.shapes.kernels import uniform_directions, unit
@@ -27,8 +27,8 @@ WINDOW = (
 )
 
 
-def packed_of(text: str, **keys: object) -> PackedScene:
-    return pack(scene(text, filled=False, **keys))  # type: ignore[arg-type]
+def packed_of(text, **keys):
+    return pack(scene(text, filled=False, **keys))
 
 
 # ---- A ball in flight
@@ -38,14 +38,14 @@ PIXELS, SPP = 64, 256
 BALL = f"objects:\n  - {{type: sphere, radius: {RADIUS}, {LAMP}, center: "
 
 
-def flight(sampler: str = "sobol") -> Array:
+def flight(sampler="sobol"):
     """A sphere that goes to the right, by velocity (it is at x = 0 at time 0)."""
     text = f"{WINDOW}}}\n{BALL}[{START - WAY / 2}, 0, 0], motion: {{velocity: [{WAY / 2}, 0, 0]}}}}"
     size = {"width": PIXELS, "height": PIXELS, "spp": SPP, "max_depth": 1, "sampler": sampler}
-    return render(scene(text, filled=False, **size), threads=2).image.radiance[..., 0]  # type: ignore[arg-type]
+    return render(scene(text, filled=False, **size), threads=2).image.radiance[..., 0]
 
 
-def coverage() -> Array:
+def coverage():
     """The share of the time in which the ball's outline covers a point, as the mean over each pixel.
 
     At height y the outline is a chord of length 2 sqrt(r^2 - y^2) that goes from `START` on by `WAY`.
@@ -58,11 +58,11 @@ def coverage() -> Array:
 
 
 @pytest.fixture(scope="module")
-def blurred() -> Array:
+def blurred():
     return flight()
 
 
-def test_the_blur_of_a_moving_sphere_is_its_chord_by_its_way(blurred: Array) -> None:
+def test_the_blur_of_a_moving_sphere_is_its_chord_by_its_way(blurred):
     expected = coverage()
     assert expected.max() == pytest.approx(2 * RADIUS / WAY, rel=0.01)
     error = blurred - expected
@@ -73,10 +73,10 @@ def test_the_blur_of_a_moving_sphere_is_its_chord_by_its_way(blurred: Array) -> 
     assert not blurred[expected == 0.0].any()
 
 
-def test_a_camera_that_moves_sees_what_objects_moving_the_other_way_show(blurred: Array) -> None:
+def test_a_camera_that_moves_sees_what_objects_moving_the_other_way_show(blurred):
     text = f"{WINDOW}, motion: {{velocity: [{-WAY / 2}, 0, 0]}}}}\n{BALL}[{START - WAY / 2}, 0, 0]}}"
     size = {"width": PIXELS, "height": PIXELS, "spp": SPP, "max_depth": 1, "sampler": "sobol"}
-    other = render(scene(text, filled=False, **size), threads=2).image.radiance[..., 0]  # type: ignore[arg-type]
+    other = render(scene(text, filled=False, **size), threads=2).image.radiance[..., 0]
 
     # The same times and film positions: only rounding at the outline may differ.
     assert (np.abs(other - blurred) > 1e-12).mean() < 0.01
@@ -92,7 +92,7 @@ objects:
 """
 
 
-def test_a_point_that_turns_once_stays_on_its_circle() -> None:
+def test_a_point_that_turns_once_stays_on_its_circle():
     """Radii 1 - 0.001 and 1 + 0.001 tell a circle from 128 chords, which cut 0.0003, in Embree as in float64.
 
     The sphere's outermost point is at distance 1 from the axis: rays parallel to the axis that pass 0.1 % within it
@@ -116,7 +116,7 @@ def test_a_point_that_turns_once_stays_on_its_circle() -> None:
 
 
 @pytest.mark.parametrize("arm", [0, 10, 1000])
-def test_rays_that_leave_what_turns_do_not_meet_it_again(arm: float) -> None:
+def test_rays_that_leave_what_turns_do_not_meet_it_again(arm):
     """Embree's angle is wrong by up to 2e-6 rad, which at the end of a long arm is more than its coordinates' error."""
     n = 50_000
     text = f"""camera: {{type: pinhole, look_from: [0, 0, 9], shutter: 1}}
@@ -133,7 +133,7 @@ objects:
     assert (self_hit == 1).sum() <= 1e-5 * n
 
 
-def test_keyframes_turn_and_scale_in_a_picture_as_by_their_formula() -> None:
+def test_keyframes_turn_and_scale_in_a_picture_as_by_their_formula():
     """A box that turns by 90 degrees while it grows: points of its faces, carried back, lie on the box's faces."""
     text = """camera: {type: pinhole, look_from: [0, 0, 9], look_at: [0, 0, 0], shutter: 2}
 objects:
@@ -182,7 +182,7 @@ STILL_KEYS = {
 }
 
 
-def bytes_of(value: object) -> list[bytes]:
+def bytes_of(value):
     """The bits of all arrays and numbers in nested tuples."""
     if isinstance(value, tuple):
         return [bits for item in value for bits in bytes_of(item)]
@@ -190,7 +190,7 @@ def bytes_of(value: object) -> list[bytes]:
 
 
 @pytest.mark.parametrize("name", STILL_KEYS)
-def test_what_moves_nothing_is_packed_as_without_the_keys(name: str) -> None:
+def test_what_moves_nothing_is_packed_as_without_the_keys(name):
     """Check that both have the same type, so the same kernel, and the same bits: pictures are then bit-identical."""
     camera, motion = STILL_KEYS[name]
     plain = packed_of(f"{STILL_CAMERA}}}\nobjects:\n" + "".join(f"{item}}}\n" for item in OBJECTS))
@@ -204,7 +204,7 @@ def test_what_moves_nothing_is_packed_as_without_the_keys(name: str) -> None:
         assert bytes_of(keyed.objects.geometries[number].vertices) == bytes_of(geometry.vertices)
 
 
-def test_only_what_moves_is_packed_as_moving() -> None:
+def test_only_what_moves_is_packed_as_moving():
     text = f"{STILL_CAMERA}, shutter: 1}}\nobjects:\n"
     moving = packed_of(
         text
@@ -229,7 +229,7 @@ def test_only_what_moves_is_packed_as_moving() -> None:
         (", shutter: 1/8 s, motion: {velocity: [1, 0, 0]}", "", True, "in which the camera may move"),
     ],
 )
-def test_motion_blur_is_explained(camera: str, motion: str, active: bool, words: str) -> None:
+def test_motion_blur_is_explained(camera, motion, active, words):
     spec = scene(f"{STILL_CAMERA}{camera}}}\nobjects:\n{OBJECTS[0]}{motion}}}", filled=False)
     effect = effects_of(spec, pack(spec).scene)["motion_blur"]
     assert effect.active == active
@@ -240,13 +240,13 @@ def test_motion_blur_is_explained(camera: str, motion: str, active: bool, words:
 
 
 @pytest.mark.parametrize("sampler", ["stratified", "sobol"])
-def test_a_pixels_times_are_stratified(sampler: str) -> None:
+def test_a_pixels_times_are_stratified(sampler):
     for count in (16, 64, 256):
         times = times_of(sampler, count)
         np.testing.assert_array_equal(np.sort(np.floor(times * count)), np.arange(count))
 
 
-def test_times_are_floats_that_float32_holds() -> None:
+def test_times_are_floats_that_float32_holds():
     """Embree's ray and the hit in float64 are of the same time, never beyond the shutter."""
     times = np.concatenate([times_of("independent", 5000, pixel) for pixel in range(4)])
     np.testing.assert_array_equal(times, times.astype(np.float32))
@@ -259,7 +259,7 @@ def test_times_are_floats_that_float32_holds() -> None:
 # ---- Pictures with light that moves
 
 
-def _irradiance(height: Array, side: Array, radius: float) -> Array:
+def _irradiance(height, side, radius):
     """Irradiance below a whole uniform sphere of radiance 1: pi r^2 / d^2 cos.
 
     References: Pharr et al. 2023, sec. 4.2.3, and Lambert's cosine law for the view factor of a sphere.
@@ -269,7 +269,7 @@ def _irradiance(height: Array, side: Array, radius: float) -> Array:
 
 
 @pytest.mark.slow
-def test_lamps_that_fly_and_turn_light_as_their_mean() -> None:
+def test_lamps_that_fly_and_turn_light_as_their_mean():
     """One lamp goes along a line, one on a circle; below, a small square of known albedo is looked at from beside."""
     text = """camera: {type: orthographic, look_from: [0.002, 0.5, 0.0], look_at: [0, 0, 0], height: 0.001, shutter: 1}
 materials: {grey: {type: lambertian, albedo: 0.5}, lamp: {type: emitter, radiance: 10}}
@@ -311,7 +311,7 @@ end_header
 """
 
 
-def frames_in(folder: Path, *sizes: float) -> str:
+def frames_in(folder, *sizes):
     """Squares with these half edges, as frames at times 0, 0.5, 1, ..."""
     for number, size in enumerate(sizes):
         (folder / f"{number}.ply").write_text(SQUARE.format(-size, size))
@@ -319,7 +319,7 @@ def frames_in(folder: Path, *sizes: float) -> str:
 
 
 @pytest.mark.slow
-def test_a_square_that_grows_is_as_bright_as_its_mean_area(tmp_path: Path) -> None:
+def test_a_square_that_grows_is_as_bright_as_its_mean_area(tmp_path):
     """Half edges 0.5 to 1 to 0.5: the mean of (2 s)^2 is 4 (0.25 + 0.5 + 1) / 3 = 7/3."""
     frames = frames_in(tmp_path, 0.5, 1.0, 0.5)
     text = f"""camera: {{type: orthographic, look_from: [0, 0, 5], look_at: [0, 0, 0], height: 4, shutter: 1}}
@@ -332,7 +332,7 @@ objects:
     assert picture.sum() * (4 / 32) ** 2 == pytest.approx(7 / 3, rel=5e-4)
 
 
-def test_frames_that_do_not_differ_in_the_shutter_are_a_mesh(tmp_path: Path) -> None:
+def test_frames_that_do_not_differ_in_the_shutter_are_a_mesh(tmp_path):
     frames = frames_in(tmp_path, 0.5, 0.5, 1.0)
     camera = "camera: {type: pinhole, look_from: [0, 0, 5], look_at: [0, 0, 0]"
     still = packed_of(f"{camera}}}\nobjects:\n  - {{type: mesh, file: 0.ply}}\n", base=tmp_path)
@@ -346,7 +346,7 @@ def test_frames_that_do_not_differ_in_the_shutter_are_a_mesh(tmp_path: Path) -> 
     np.testing.assert_array_equal(between, 1.5 * still.scene.primitives[0].vertices)
 
 
-def test_the_bouncing_scene_is_what_its_script_writes(tmp_path: Path) -> None:
+def test_the_bouncing_scene_is_what_its_script_writes(tmp_path):
     scenes = Path(__file__).parents[3] / "scenes"
     script = scenes / "generate" / "bouncing.py"
     subprocess.run([sys.executable, str(script), str(tmp_path / "again.yaml")], check=True)
@@ -354,7 +354,7 @@ def test_the_bouncing_scene_is_what_its_script_writes(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_furnace_of_things_that_move_stays_white() -> None:
+def test_a_furnace_of_things_that_move_stays_white():
     """Albedo 1 in a uniform environment of 1: every path brings 1, wherever what it meets has gone meanwhile."""
     text = """camera: {type: pinhole, look_from: [0, 0, 5], vfov: 60, shutter: 1, motion: {velocity: [0, 1, 0]}}
 environment: {type: constant, radiance: 1}
