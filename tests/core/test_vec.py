@@ -8,14 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from raytracer.core import vec
-from raytracer.core.vec import Vec3
 
 components = st.floats(-1e6, 1e6, allow_subnormal=False)
 vectors = st.tuples(components, components, components)
 
 
 @given(vectors, vectors, components)
-def test_arithmetic_is_that_of_numpy(a: Vec3, b: Vec3, s: float) -> None:
+def test_arithmetic_is_that_of_numpy(a, b, s):
     x, y = np.array(a), np.array(b)
     np.testing.assert_array_equal(vec.add(a, b), x + y)
     np.testing.assert_array_equal(vec.sub(a, b), x - y)
@@ -34,26 +33,26 @@ def test_arithmetic_is_that_of_numpy(a: Vec3, b: Vec3, s: float) -> None:
     assert vec.max_abs(a) == max(map(abs, a))
 
 
-def test_black_is_all_zeros() -> None:
+def test_black_is_all_zeros():
     assert vec.is_black((0.0, -0.0, 0.0))
     assert not vec.is_black((0.0, 1e-300, 0.0))
     assert not vec.is_black((0.0, 0.0, math.nan))
 
 
 @given(vectors.filter(lambda v: max(map(abs, v)) > 1e-3))
-def test_normalize_gives_unit_vectors(a: Vec3) -> None:
+def test_normalize_gives_unit_vectors(a):
     unit = vec.normalize(a)
     assert vec.norm(unit) == pytest.approx(1.0, abs=4e-16)
     np.testing.assert_allclose(np.cross(unit, a) / np.linalg.norm(a), 0.0, atol=1e-15)
 
 
 @given(vectors.filter(lambda v: max(map(abs, v)) > 1e-3), st.floats(-1e-4, 1e-4))
-def test_renormalize_squares_the_error_of_a_length(a: Vec3, error: float) -> None:
+def test_renormalize_squares_the_error_of_a_length(a, error):
     mended = vec.renormalize(vec.scale(1.0 + error, vec.normalize(a)))
     assert vec.norm(mended) == pytest.approx(1.0, abs=1.6 * error**2 + 1e-15)
 
 
-def test_normalize_of_zero_is_not_a_number() -> None:
+def test_normalize_of_zero_is_not_a_number():
     assert all(math.isnan(component) for component in vec.normalize((0.0, 0.0, 0.0)))
 
 
@@ -77,17 +76,17 @@ HARD_NORMALS = [
 
 
 @pytest.mark.parametrize("normal", HARD_NORMALS)
-def test_basis_at_hard_normals(normal: Vec3) -> None:
+def test_basis_at_hard_normals(normal):
     _check_basis(vec.normalize(normal))
 
 
 @given(vectors.filter(lambda v: max(map(abs, v)) > 1e-3))
-def test_basis_is_a_right_handed_frame(a: Vec3) -> None:
+def test_basis_is_a_right_handed_frame(a):
     _check_basis(vec.normalize(a))
 
 
 @pytest.mark.parametrize("plane", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.0, -0.8)])
-def test_basis_is_continuous(plane: Vec3) -> None:
+def test_basis_is_continuous(plane):
     # Normals on both sides of a plane: a frame that is turned the shortest way from y changes by |dn| / cos(angle / 2).
     rng = np.random.default_rng(3)
     across = 1e-7 * np.array(plane)
@@ -100,7 +99,7 @@ def test_basis_is_continuous(plane: Vec3) -> None:
             assert np.linalg.norm(np.subtract(one, other)) <= 1.001 * bound + 3e-15
 
 
-def _check_basis(n: Vec3) -> None:
+def _check_basis(n):
     s, t = vec.basis(n)
     frame = np.array([s, t, n])
     # Three products of two numbers each, which are wrong by up to four roundings.
@@ -112,7 +111,7 @@ def _check_basis(n: Vec3) -> None:
 
 
 @given(vectors.filter(lambda v: max(map(abs, v)) > 1e-3), vectors.filter(lambda v: max(map(abs, v)) > 1e-3))
-def test_reflection_keeps_the_tangential_part_and_turns_the_normal_one(a: Vec3, b: Vec3) -> None:
+def test_reflection_keeps_the_tangential_part_and_turns_the_normal_one(a, b):
     d, n = vec.normalize(a), vec.normalize(b)
     r = np.array(vec.reflect(d, n))
     assert r @ n == pytest.approx(-np.dot(d, n), abs=1e-15)

@@ -122,7 +122,7 @@ def call_switch(tables, which, index):
 
 
 @pytest.mark.parametrize(("shape", "expected"), [(Square(2.0), 4.0), (Circle(2.0), 12.0), (None, -1.0)])
-def test_generic_chooses_by_class_from_python_and_from_kernels(shape: Any, expected: float) -> None:
+def test_generic_chooses_by_class_from_python_and_from_kernels(shape, expected):
     assert area(shape, 1.0) == expected
     assert call_area(shape, 1.0) == 2.0 * expected
 
@@ -143,24 +143,24 @@ def call_corners(shape, scale):
 
 
 @pytest.mark.parametrize(("shape", "expected"), [(Square(2.0), 4.0), (Circle(2.0), 0.0)])
-def test_overridable_is_its_own_case_for_all_others(shape: Any, expected: float) -> None:
+def test_overridable_is_its_own_case_for_all_others(shape, expected):
     assert corners(shape, 1.0) == call_corners(shape, 1.0) == expected
 
 
-def test_generic_without_a_case_says_so() -> None:
+def test_generic_without_a_case_says_so():
     with pytest.raises(NotImplementedError):
         area(3.0, 1.0)
     with pytest.raises(TypingError):
         call_area((1.0, 2.0), 1.0)
 
 
-def test_kernels_can_be_called_from_python() -> None:
+def test_kernels_can_be_called_from_python():
     assert twice(1.5) == 3.0
     assert twice.__name__ == "twice"
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_switch_picks_a_table_at_run_time(count: int) -> None:
+def test_switch_picks_a_table_at_run_time(count):
     tables = (Table(np.arange(3.0)), OtherTable(np.arange(3.0), 10.0), Table(np.arange(3.0) + 100.0))[:count]
     for which in range(count):
         expected = [2.0, 20.0, 102.0][which]
@@ -168,7 +168,7 @@ def test_switch_picks_a_table_at_run_time(count: int) -> None:
         assert first_row_any(tables, which, 2) == expected
 
 
-def test_kernels_release_the_interpreter_and_divide_as_numpy_does() -> None:
+def test_kernels_release_the_interpreter_and_divide_as_numpy_does():
     @entry
     def divide(a, b):
         return a / b
@@ -179,7 +179,7 @@ def test_kernels_release_the_interpreter_and_divide_as_numpy_does() -> None:
 
 
 @pytest.mark.parametrize(("fog", "wanted", "counted"), [(None, 6.0, 0.0), (NoFog(), 6.0, 0.0), (Fog(2.0), 3.0, 1.0)])
-def test_the_body_of_an_optional_function_is_what_is_done_without_it(fog: Any, wanted: float, counted: float) -> None:
+def test_the_body_of_an_optional_function_is_what_is_done_without_it(fog, wanted, counted):
     rows = np.zeros(1)
     if not isinstance(fog, NoFog):
         assert call_dimmed(fog, 6.0, rows) == wanted
@@ -190,7 +190,7 @@ def test_the_body_of_an_optional_function_is_what_is_done_without_it(fog: Any, w
     assert dimmed(fog, 6.0) == wanted
 
 
-def test_an_optional_function_has_no_case_for_what_nobody_registered() -> None:
+def test_an_optional_function_has_no_case_for_what_nobody_registered():
     with pytest.raises(NotImplementedError):
         dimmed(Haze(1.0), 6.0)
     with pytest.raises(TypingError):

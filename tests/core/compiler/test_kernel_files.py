@@ -6,7 +6,6 @@ import pickle
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import numba
@@ -21,11 +20,11 @@ from raytracer.core.compiler.signing_key import FILE_NAME
 KEY = ("float64", ("x86", "+avx2"), ("code", ""))
 
 
-def files(folder: Path) -> KernelFiles:
+def files(folder):
     return KernelFiles(folder / "kernels", "path_tracer.render_tile-1")
 
 
-def file_of(store: KernelFiles, key: object = KEY) -> Path:
+def file_of(store, key=KEY):
     """Find the file that was saved for a key; its name also depends on the signing key."""
     path = store.path(key)
     (file,) = path.parent.glob(f"{path.stem}.*.nbc")
@@ -33,7 +32,7 @@ def file_of(store: KernelFiles, key: object = KEY) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def keys(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+def keys(tmp_path_factory, monkeypatch):
     """Use an empty folder for the signing key, and forget earlier warnings."""
     folder = tmp_path_factory.mktemp("keys")
     monkeypatch.setenv("RAYTRACER_KEY_DIR", str(folder))
@@ -41,19 +40,19 @@ def keys(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPat
     return folder
 
 
-def test_what_was_saved_is_loaded_by_any_process(tmp_path: Path) -> None:
+def test_what_was_saved_is_loaded_by_any_process(tmp_path):
     assert files(tmp_path).load(KEY) is None
     files(tmp_path).save(KEY, [1, 2])
     assert files(tmp_path).load(KEY) == [1, 2]
     assert files(tmp_path).load(("int64", *KEY[1:])) is None
 
 
-def test_processes_that_save_at_the_same_time_keep_both(tmp_path: Path) -> None:
+def test_processes_that_save_at_the_same_time_keep_both(tmp_path):
     # Numba's own index, read before the other's entry is there, loses one of them.
     keys = [("int64", *KEY[1:]), KEY, ("float32", *KEY[1:])]
     together = threading.Barrier(len(keys))
 
-    def save(key: tuple[object, ...]) -> None:
+    def save(key):
         together.wait()
         files(tmp_path).save(key, key[0])
 
@@ -65,7 +64,7 @@ def test_processes_that_save_at_the_same_time_keep_both(tmp_path: Path) -> None:
     assert [files(tmp_path).load(key) for key in keys] == [key[0] for key in keys]
 
 
-def test_a_file_of_other_types_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_of_other_types_is_not_taken(tmp_path, monkeypatch):
     # Two types may be called alike.
     store, other, path = files(tmp_path), ("others", *KEY[1:]), files(tmp_path).path(KEY)
     monkeypatch.setattr(KernelFiles, "path", lambda *_: path)
@@ -74,7 +73,7 @@ def test_a_file_of_other_types_is_not_taken(tmp_path: Path, monkeypatch: pytest.
     assert store.load(KEY) is None
 
 
-def test_a_signed_file_is_not_taken_in_the_place_of_another(tmp_path: Path) -> None:
+def test_a_signed_file_is_not_taken_in_the_place_of_another(tmp_path):
     # Nor in a folder of other sources, whose machine code expects other arguments.
     store, other = files(tmp_path), ("int64", *KEY[1:])
     store.save(KEY, _Trap(tmp_path / "sprung"))
@@ -89,7 +88,7 @@ def test_a_signed_file_is_not_taken_in_the_place_of_another(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("left", [0, 1, 20, -1])
-def test_a_damaged_file_is_as_none_and_is_replaced(left: int, tmp_path: Path) -> None:
+def test_a_damaged_file_is_as_none_and_is_replaced(left, tmp_path):
     store = files(tmp_path)
     store.save(KEY, "good")
     file_of(store).write_bytes(file_of(store).read_bytes()[:left])
@@ -98,7 +97,7 @@ def test_a_damaged_file_is_as_none_and_is_replaced(left: int, tmp_path: Path) ->
     assert store.load(KEY) == "good"
 
 
-def test_no_flipped_bit_gets_into_what_is_executed(tmp_path: Path) -> None:
+def test_no_flipped_bit_gets_into_what_is_executed(tmp_path):
     store = files(tmp_path)
     store.save(KEY, "machine code " * 100)
     path = file_of(store)
@@ -117,14 +116,14 @@ def test_no_flipped_bit_gets_into_what_is_executed(tmp_path: Path) -> None:
 class _Trap:
     """An object that makes a file when it is unpickled."""
 
-    def __init__(self, sprung: Path) -> None:
+    def __init__(self, sprung):
         self.sprung = sprung
 
-    def __reduce__(self) -> tuple[object, ...]:
+    def __reduce__(self):
         return Path.touch, (self.sprung,)
 
 
-def _trapped(folder: Path) -> KernelFiles:
+def _trapped(folder):
     """Make files, one of which runs code when it is loaded."""
     store = files(folder)
     store.save(KEY, _Trap(folder / "sprung"))
@@ -134,39 +133,37 @@ def _trapped(folder: Path) -> KernelFiles:
 _POSIX = pytest.mark.skipif(sys.platform == "win32", reason="modes say nothing there")
 
 
-def test_what_is_trusted_is_executed(tmp_path: Path) -> None:
+def test_what_is_trusted_is_executed(tmp_path):
     # Otherwise the tests below could not fail.
     _trapped(tmp_path).load(KEY)
     assert (tmp_path / "sprung").exists()
 
 
-def _unsigned(path: Path, content: bytes) -> bytes:
+def _unsigned(path, content):
     """Make a file of the unsigned format: a checksum stands before it, which anybody can make."""
     return b"rt kernel 1\n" + hashlib.sha256(content).digest() + content
 
 
-def _with_a_checksum(path: Path, content: bytes) -> bytes:
+def _with_a_checksum(path, content):
     """Make a file like a signed one, but with a checksum, which needs no key."""
     return b"rt kernel 2\n" + hashlib.sha256(content).digest() + content
 
 
-def _by_another_key(path: Path, content: bytes) -> bytes:
+def _by_another_key(path, content):
     """Make a file that is right but for the key that signed it."""
     return kernel_files._signed_header(path, content, bytes(32)) + content
 
 
 @pytest.mark.parametrize("forged", [_unsigned, _with_a_checksum, _by_another_key])
-def test_a_cache_that_came_with_an_archive_runs_nothing(
-    forged: Callable[[Path, bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cache_that_came_with_an_archive_runs_nothing(forged, tmp_path, monkeypatch):
     """It belongs to the user who has unpacked it, and nobody else can write to it: modes do not tell."""
     folder = tmp_path / "unpacked" / "kernels"
     monkeypatch.setattr("raytracer.core.compiler.cache.CACHE_FOLDER", folder)
 
-    def halve(x: float) -> float:
+    def halve(x):
         return x / 2.0
 
-    def run() -> tuple[float, int]:
+    def run():
         compiled = entry(halve)
         return compiled(3.0), compiled.counts["loaded"]
 
@@ -185,9 +182,7 @@ def test_a_cache_that_came_with_an_archive_runs_nothing(
     assert run() == (1.5, 1)
 
 
-def test_keys_that_share_a_folder_do_not_undo_each_others_work(
-    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch, keys: Path
-) -> None:
+def test_keys_that_share_a_folder_do_not_undo_each_others_work(tmp_path, tmp_path_factory, monkeypatch, keys):
     files(tmp_path).save(KEY, "mine")
     monkeypatch.setenv("RAYTRACER_KEY_DIR", str(tmp_path_factory.mktemp("others")))
     assert files(tmp_path).load(KEY) is None
@@ -197,17 +192,17 @@ def test_keys_that_share_a_folder_do_not_undo_each_others_work(
     assert files(tmp_path).load(KEY) == "mine"
 
 
-def _in_the_cache(cache: Path) -> str:
+def _in_the_cache(cache):
     (cache / "key").mkdir()
     return str(cache / "key")
 
 
-def _in_the_cache_by_a_link(cache: Path) -> str:
+def _in_the_cache_by_a_link(cache):
     (cache.parent / "link").symlink_to(cache)
     return str(cache.parent / "link")
 
 
-def _under_a_file(cache: Path) -> str:
+def _under_a_file(cache):
     (cache.parent / "file").touch()
     return str(cache.parent / "file" / "key")
 
@@ -221,9 +216,7 @@ def _under_a_file(cache: Path) -> str:
         (_under_a_file, "no signing key can be kept in .*file.key: "),
     ],
 )
-def test_without_a_key_to_trust_nothing_is_taken_or_kept(
-    place: Callable[[Path], str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_key_to_trust_nothing_is_taken_or_kept(place, words, tmp_path, monkeypatch):
     cache = tmp_path / "cache"
     store = _trapped(cache)
     before = sorted(cache.rglob("*"))
@@ -237,7 +230,7 @@ def test_without_a_key_to_trust_nothing_is_taken_or_kept(
     assert not (cache / "sprung").exists()
 
 
-def test_with_a_lost_key_all_is_compiled_anew(tmp_path: Path, keys: Path) -> None:
+def test_with_a_lost_key_all_is_compiled_anew(tmp_path, keys):
     store = files(tmp_path)
     store.save(KEY, "machine code")
     (keys / FILE_NAME).unlink()
@@ -248,7 +241,7 @@ def test_with_a_lost_key_all_is_compiled_anew(tmp_path: Path, keys: Path) -> Non
 
 @_POSIX
 @pytest.mark.parametrize("mode", [0o775, 0o757, 0o777, 0o1777])
-def test_a_folder_that_others_may_write_to_is_not_trusted(mode: int, tmp_path: Path) -> None:
+def test_a_folder_that_others_may_write_to_is_not_trusted(mode, tmp_path):
     store = _trapped(tmp_path)
     store.path(KEY).parent.chmod(mode)
     before = sorted((tmp_path / "kernels").iterdir())
@@ -262,7 +255,7 @@ def test_a_folder_that_others_may_write_to_is_not_trusted(mode: int, tmp_path: P
 
 
 @_POSIX
-def test_a_link_in_place_of_the_folder_is_not_trusted(tmp_path: Path) -> None:
+def test_a_link_in_place_of_the_folder_is_not_trusted(tmp_path):
     _trapped(tmp_path)
     (tmp_path / "kernels").rename(tmp_path / "elsewhere")
     (tmp_path / "kernels").symlink_to(tmp_path / "elsewhere")
@@ -272,7 +265,7 @@ def test_a_link_in_place_of_the_folder_is_not_trusted(tmp_path: Path) -> None:
 
 
 @_POSIX
-def test_a_folder_of_another_user_is_not_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_of_another_user_is_not_trusted(tmp_path, monkeypatch):
     store = _trapped(tmp_path)
     if os.geteuid() == 0:
         os.chown(tmp_path / "kernels", 12345, -1)
@@ -285,7 +278,7 @@ def test_a_folder_of_another_user_is_not_trusted(tmp_path: Path, monkeypatch: py
 
 @_POSIX
 @pytest.mark.parametrize("mode", [0o664, 0o646])
-def test_a_file_that_others_may_write_to_is_as_none_and_is_replaced(mode: int, tmp_path: Path) -> None:
+def test_a_file_that_others_may_write_to_is_as_none_and_is_replaced(mode, tmp_path):
     store = _trapped(tmp_path)
     file_of(store).chmod(mode)
     assert store.load(KEY) is None
@@ -295,7 +288,7 @@ def test_a_file_that_others_may_write_to_is_as_none_and_is_replaced(mode: int, t
 
 
 @_POSIX
-def test_files_are_for_their_owner_to_write_whatever_the_mask_is(tmp_path: Path) -> None:
+def test_files_are_for_their_owner_to_write_whatever_the_mask_is(tmp_path):
     before = os.umask(0)
     try:
         files(tmp_path).save(KEY, "machine code")
@@ -306,7 +299,7 @@ def test_files_are_for_their_owner_to_write_whatever_the_mask_is(tmp_path: Path)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in folders there")
-def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path):
     store = files(tmp_path)
     store.save(KEY, "machine code")
     path = file_of(store)
@@ -317,14 +310,14 @@ def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path: Path) -> None:
     assert store.load(KEY) == "machine code"
 
 
-def test_a_damaged_file_is_compiled_by_one_alone(tmp_path: Path) -> None:
+def test_a_damaged_file_is_compiled_by_one_alone(tmp_path):
     store = files(tmp_path)
     store.save(KEY, "machine code")
     file_of(store).write_bytes(file_of(store).read_bytes()[:-1])
-    compiled: list[int] = []
+    compiled = []
     together = threading.Barrier(4)
 
-    def want(number: int) -> None:
+    def want(number):
         together.wait()
         with files(tmp_path).compile_lock(KEY):
             if files(tmp_path).load(KEY) is None:
@@ -339,7 +332,7 @@ def test_a_damaged_file_is_compiled_by_one_alone(tmp_path: Path) -> None:
     assert len(compiled) == 1
 
 
-def test_what_the_killed_have_left_is_removed_in_time(tmp_path: Path) -> None:
+def test_what_the_killed_have_left_is_removed_in_time(tmp_path):
     store = files(tmp_path)
     store.save(KEY, "machine code")
     folder = store.path(KEY).parent
@@ -365,7 +358,7 @@ with KernelFiles(Path(sys.argv[1]) / "kernels", "path_tracer.render_tile-1").com
 """
 
 
-def test_who_is_killed_while_compiling_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_is_killed_while_compiling_holds_nobody_up(tmp_path, monkeypatch):
     holder = subprocess.Popen([sys.executable, "-c", _HOLDS % (KEY,), str(tmp_path)], stdout=subprocess.PIPE, text=True)
     assert holder.stdout is not None
     assert holder.stdout.readline() == "held\n"
@@ -384,11 +377,11 @@ def test_who_is_killed_while_compiling_holds_nobody_up(tmp_path: Path, monkeypat
     assert files(tmp_path).load(KEY) == "machine code"
 
 
-def test_one_compiles_and_the_others_wait(tmp_path: Path) -> None:
-    compiled: list[int] = []
+def test_one_compiles_and_the_others_wait(tmp_path):
+    compiled = []
     together = threading.Barrier(4)
 
-    def want(number: int) -> None:
+    def want(number):
         store = files(tmp_path)
         together.wait()
         with store.compile_lock(KEY):
@@ -404,14 +397,14 @@ def test_one_compiles_and_the_others_wait(tmp_path: Path) -> None:
     assert len(compiled) == 1
 
 
-def test_those_who_find_it_there_hold_nothing_up(tmp_path: Path) -> None:
+def test_those_who_find_it_there_hold_nothing_up(tmp_path):
     store = files(tmp_path)
     store.save(KEY, "machine code")
     with store.compile_lock(KEY), files(tmp_path).compile_lock(KEY):
         assert files(tmp_path).load(KEY) == "machine code"
 
 
-def test_a_folder_that_cannot_be_made_is_no_error(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_no_error(tmp_path):
     (tmp_path / "kernels").touch()
     store = files(tmp_path)
     with store.compile_lock(KEY):
@@ -419,9 +412,7 @@ def test_a_folder_that_cannot_be_made_is_no_error(tmp_path: Path) -> None:
         assert store.load(KEY) is None
 
 
-def test_an_edited_module_outside_of_the_package_is_compiled_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_edited_module_outside_of_the_package_is_compiled_anew(tmp_path, monkeypatch):
     monkeypatch.setattr("raytracer.core.compiler.cache.CACHE_FOLDER", tmp_path / "cache" / "kernels")
     # Another constant is neither in the types nor in the bytecode, by which a kernel is called.
     path = tmp_path / "probe.py"
@@ -430,14 +421,14 @@ def test_an_edited_module_outside_of_the_package_is_compiled_anew(
         path.write_text(f"@entry\ndef times(x):\n    return {factor} * x\n")
         module = {"entry": entry, "__name__": "probe"}
         exec(compile(path.read_text(), path, "exec"), module)
-        results.append((module["times"](2.0), module["times"].counts["loaded"]))  # type: ignore[attr-defined,operator]
+        results.append((module["times"](2.0), module["times"].counts["loaded"]))
     assert results == [(5.0, 0), (7.0, 0), (5.0, 1)]
 
 
-def test_an_entry_without_the_compiler_is_the_function_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_entry_without_the_compiler_is_the_function_itself(monkeypatch):
     monkeypatch.setattr(numba.config, "DISABLE_JIT", True)
 
-    def function(x: float) -> float:
+    def function(x):
         return x
 
     assert entry(function) is function

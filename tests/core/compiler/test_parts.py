@@ -5,9 +5,8 @@ import os
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -39,7 +38,7 @@ print(json.dumps([result, counts["lowered"], counts["loaded"]]))
 _CALLED = ("cross", "normalize", "dot", "max_component")
 
 
-def _run(folder: Path, scale: float, **environment: str) -> tuple[float, int, int]:
+def _run(folder, scale, **environment):
     """Run a program whose own kernel is new, and return its result and how many parts it lowered and loaded."""
     path = folder / f"program_{scale}.py"
     path.write_text(_PROGRAM.format(scale=scale))
@@ -58,11 +57,11 @@ def _run(folder: Path, scale: float, **environment: str) -> tuple[float, int, in
     return result, lowered, loaded
 
 
-def _parts(folder: Path) -> list[Path]:
+def _parts(folder):
     return sorted((folder / "cache").rglob("*.part"))
 
 
-def test_parts_of_one_process_are_loaded_by_another(tmp_path: Path) -> None:
+def test_parts_of_one_process_are_loaded_by_another(tmp_path):
     result, lowered, loaded = _run(tmp_path, 0.0)
     assert lowered > len(_CALLED)
     assert loaded == 0
@@ -72,12 +71,12 @@ def test_parts_of_one_process_are_loaded_by_another(tmp_path: Path) -> None:
     assert _run(tmp_path, 2.0)[1] == 0
 
 
-def _flip(content: bytes) -> bytes:
+def _flip(content):
     return content[:-9] + bytes([content[-9] ^ 1]) + content[-8:]
 
 
 @pytest.mark.parametrize("damage", [_flip, lambda content: content[: len(content) // 2], lambda content: b""])
-def test_damaged_parts_are_compiled_again(damage: Callable[[bytes], bytes], tmp_path: Path) -> None:
+def test_damaged_parts_are_compiled_again(damage, tmp_path):
     first = _run(tmp_path, 0.0)
     for path in _parts(tmp_path):
         path.write_bytes(damage(path.read_bytes()))
@@ -85,7 +84,7 @@ def test_damaged_parts_are_compiled_again(damage: Callable[[bytes], bytes], tmp_
     assert _run(tmp_path, 0.0)[1] == 0
 
 
-def test_a_part_that_lacks_what_it_calls_is_compiled_again(tmp_path: Path) -> None:
+def test_a_part_that_lacks_what_it_calls_is_compiled_again(tmp_path):
     result, lowered, _ = _run(tmp_path, 0.0)
     count = len(_parts(tmp_path))
     for number in range(0, count, 3):
@@ -99,14 +98,14 @@ def test_a_part_that_lacks_what_it_calls_is_compiled_again(tmp_path: Path) -> No
 class _Mark:
     """Leaves a file where it was unpickled."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path):
         self._path = path
 
-    def __reduce__(self) -> tuple[object, ...]:
+    def __reduce__(self):
         return Path.touch, (self._path,)
 
 
-def test_forged_parts_are_not_run(tmp_path: Path) -> None:
+def test_forged_parts_are_not_run(tmp_path):
     first, mark = _run(tmp_path, 0.0), tmp_path / "mark"
     content = pickle.dumps(_Mark(mark))
     for path in _parts(tmp_path):
@@ -115,26 +114,26 @@ def test_forged_parts_are_not_run(tmp_path: Path) -> None:
     assert not mark.exists()
 
 
-def test_parts_in_a_folder_that_cannot_be_written_are_compiled_each_time(tmp_path: Path) -> None:
+def test_parts_in_a_folder_that_cannot_be_written_are_compiled_each_time(tmp_path):
     (tmp_path / "file").touch()
     first = _run(tmp_path, 0.0, RAYTRACER_CACHE_DIR=str(tmp_path / "file" / "cache"))
     assert _run(tmp_path, 0.0, RAYTRACER_CACHE_DIR=str(tmp_path / "file" / "cache")) == first
 
 
-def _closure(value: Any) -> Callable[..., Any]:
+def _closure(value):
     return lambda x: value
 
 
-def _plus(x: float) -> float:
+def _plus(x):
     return x + 1.0
 
 
-def _minus(x: float) -> float:
+def _minus(x):
     return x - 1.0
 
 
 @pytest.fixture
-def as_sources(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def as_sources(monkeypatch):
     """Take this module for one of those that the name of the cache's folder hashes."""
     monkeypatch.setattr(part_cache, "_PREFIXES", (f"{__name__}.", "elsewhere."))
     part_cache._type.cache_clear()
@@ -143,7 +142,7 @@ def as_sources(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("as_sources")
-def test_parts_with_other_closures_have_other_keys() -> None:
+def test_parts_with_other_closures_have_other_keys():
     closed = (1, 1.0, True, None, "one", (1, 2), _plus, _minus, _closure(_plus), _closure(_minus))
     keys = [part_key(_closure(value), (types.float64,), inline=True) for value in closed]
     assert None not in keys
@@ -152,7 +151,7 @@ def test_parts_with_other_closures_have_other_keys() -> None:
 
 
 @pytest.mark.usefixtures("as_sources")
-def test_parts_with_other_types_or_options_have_other_keys() -> None:
+def test_parts_with_other_types_or_options_have_other_keys():
     class Local(NamedTuple):
         x: float
 
@@ -184,7 +183,7 @@ class _Pair(NamedTuple):
     y: float
 
 
-def test_functions_and_classes_outside_the_hashed_sources_have_no_keys() -> None:
+def test_functions_and_classes_outside_the_hashed_sources_have_no_keys():
     from raytracer.core.vec import dot
 
     assert part_key(dot, (types.float64,), inline=True) is not None
@@ -193,8 +192,8 @@ def test_functions_and_classes_outside_the_hashed_sources_have_no_keys() -> None
     assert part_key(dot, (types.Dispatcher(numba.njit(_plus)),), inline=True) is None
 
 
-def test_kernels_of_one_name_do_not_collide() -> None:
-    def times(factor: float) -> Any:
+def test_kernels_of_one_name_do_not_collide():
+    def times(factor):
         @kernel
         def scaled(x):
             return factor * x
@@ -208,7 +207,7 @@ def test_kernels_of_one_name_do_not_collide() -> None:
     assert [times(factor)(2.0) for factor in (1.0, 3.0, 5.0)] == [2.0, 6.0, 10.0]
 
 
-def test_kernels_take_defaults_and_tuples_of_arguments() -> None:
+def test_kernels_take_defaults_and_tuples_of_arguments():
     @kernel
     def added(x, y=10.0, *rest):
         return x + y + len(rest)
@@ -243,7 +242,7 @@ def _with_a_closure(x):
 @pytest.mark.parametrize(
     "function", [_with_a_block, _with_a_list, _with_an_object, _with_a_closure], ids=lambda function: function.__name__
 )
-def test_what_kernels_cannot_do_is_an_error(function: Callable[..., Any]) -> None:
+def test_what_kernels_cannot_do_is_an_error(function):
     part = kernel(function)
 
     @entry

@@ -1,8 +1,7 @@
 """Parts that return nothing, an argument or a constant are not compiled, and mean the same."""
 
 import math
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 
@@ -59,7 +58,7 @@ def ask(fog, light):
     return told(fog, light)
 
 
-def test_what_is_not_compiled_gives_what_python_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_compiled_gives_what_python_does(tmp_path, monkeypatch):
     # No earlier run has left its kernel here.
     monkeypatch.setattr("raytracer.core.compiler.cache.CACHE_FOLDER", tmp_path)
     before = parts.counts["lowered"]
@@ -71,7 +70,7 @@ def test_what_is_not_compiled_gives_what_python_does(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.parametrize("function", [nothing, same, number, vector, answer])
-def test_functions_that_only_return_something_are_trivial(function: Any) -> None:
+def test_functions_that_only_return_something_are_trivial(function):
     from numba import float64, none
 
     assert trivial_part(function.dispatch(type(None)), (none, float64)) is not None
@@ -82,7 +81,7 @@ def doubled(light):
     return 2.0 * light
 
 
-def loop(light: float) -> float:
+def loop(light):
     for _ in range(3):
         light *= 2.0
     return light
@@ -102,7 +101,7 @@ def part(fog, light):
     "function",
     [more.dispatch(type(None)), both.dispatch(type(None)), part.dispatch(type(None)), doubled.__wrapped__, loop],
 )
-def test_functions_that_do_more_are_not(function: Any) -> None:
+def test_functions_that_do_more_are_not(function):
     from numba import float64, none
 
     arguments = (none, float64) if function.__code__.co_argcount == 2 else (float64,)

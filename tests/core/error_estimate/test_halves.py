@@ -264,7 +264,7 @@ def test_the_first_half_of_a_stratified_run_tells_an_upper_bound():
     assert _estimator_of(means, windows, [spp] * 4).estimate([spp] * 4).error > relative_error(means[spp], truth)
 
 
-def test_a_single_pixel_tells_little() -> None:
+def test_a_single_pixel_tells_little():
     # The square of one normal difference is chi-square of one degree.
     rng = np.random.default_rng(5)
     samples = 1.0 + 0.5 * rng.standard_normal(64)

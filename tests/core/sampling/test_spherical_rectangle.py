@@ -43,7 +43,7 @@ def drawn(sides, points):
 
 
 @pytest.mark.parametrize("sides", RECTANGLES.values(), ids=RECTANGLES)
-def test_directions_are_even_in_solid_angle(sides) -> None:
+def test_directions_are_even_in_solid_angle(sides):
     x0, x1, y0, y1, z = sides
     seen = spherical_rectangle(*sides)
     places = drawn(sides, np.random.default_rng(1).random((50_000, 2)))
@@ -59,7 +59,7 @@ def test_directions_are_even_in_solid_angle(sides) -> None:
 
 
 @pytest.mark.parametrize("z", [1e-3, 1e-9, 1e-14])
-def test_close_to_it_directions_are_those_of_half_a_sphere(z: float) -> None:
+def test_close_to_it_directions_are_those_of_half_a_sphere(z):
     sides = (-1.0, 2.0, -3.0, 1.0, z)
     assert spherical_rectangle(*sides).solid_angle == pytest.approx(2.0 * math.pi, abs=5.0 * z)
     places = drawn(sides, np.random.default_rng(2).random((20_000, 2)))
@@ -69,7 +69,7 @@ def test_close_to_it_directions_are_those_of_half_a_sphere(z: float) -> None:
 
 @pytest.mark.parametrize("place", [(0.3, 0.4), (3.0, 0.5), (-2.0, -1.0), (0.0, 0.0), (1.0, 0.5)])
 @pytest.mark.parametrize("z", [0.0, 5e-324, 1e-300, 1e-160, 1e-30, 1e-17, 1e-12, 1e-6])
-def test_edge_on_nothing_is_worse_than_a_fall_back(place: tuple[float, float], z: float) -> None:
+def test_edge_on_nothing_is_worse_than_a_fall_back(place, z):
     x, y = place
     sides = (-x, 1.0 - x, -y, 1.0 - y, z)
     seen = spherical_rectangle(*sides)
@@ -84,11 +84,11 @@ def test_edge_on_nothing_is_worse_than_a_fall_back(place: tuple[float, float], z
     assert ((places >= (-x, -y)) & (places <= (1.0 - x, 1.0 - y))).all()
 
 
-def test_the_solid_angle_of_a_cube_s_face_is_a_sixth_of_the_sphere() -> None:
+def test_the_solid_angle_of_a_cube_s_face_is_a_sixth_of_the_sphere():
     assert spherical_rectangle(-1.0, 1.0, -1.0, 1.0, 1.0).solid_angle == pytest.approx(4.0 * math.pi / 6.0, rel=1e-14)
 
 
-def test_a_grid_of_numbers_keeps_its_order() -> None:
+def test_a_grid_of_numbers_keeps_its_order():
     # Well spread numbers stay so: x rises with the first alone, y with the second.
     grid = (np.arange(16) + 0.5) / 16
     places = drawn(RECTANGLES["over it"], np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=2).reshape(-1, 2))

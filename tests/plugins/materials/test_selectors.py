@@ -1,7 +1,6 @@
 """Materials that choose among others: which one, how often, and what is left out when there is no choice."""
 
 from collections import Counter
-from typing import Any
 
 import numba
 import numpy as np
@@ -11,7 +10,7 @@ from raytracer.core.compiler.dispatch import entry
 from raytracer.core.geometry import Site
 from raytracer.core.sampling import pixel_key
 from raytracer.plugins.materials.base.dispatch import select_at, select_for_shadow_ray, selected_emission
-from raytracer.plugins.materials.base.interface import PASSTHROUGH, Draws, MaterialSpec, split_random_number
+from raytracer.plugins.materials.base.interface import PASSTHROUGH, Draws, split_random_number
 from raytracer.plugins.materials.cutout import Cutout
 from raytracer.plugins.materials.emitter import Emitter
 from raytracer.plugins.materials.lambertian import Lambertian
@@ -54,7 +53,7 @@ def _shown(scene, reference, front, site, result):
         result[index, 0], result[index, 1], result[index, 2] = red, green, blue
 
 
-def packed(material: str) -> tuple[Any, int]:
+def packed(material):
     """A scene of one sphere of this material, and the material's reference."""
     one = pack(
         scene(
@@ -64,10 +63,10 @@ def packed(material: str) -> tuple[Any, int]:
     return one.scene, int(one.scene.primitives[0].material[0])
 
 
-def shares(material: str, *, front: bool = True) -> dict[Any, float]:
+def shares(material, *, front=True):
     """Count how often each material shows: by albedo or radiance of its red, None for nothing."""
     world, reference = packed(material)
-    measured: list[dict[Any, float]] = []
+    measured = []
     for again in (False, True):
         result = np.empty(COUNT, np.int64)
         _chosen(world, reference, front, SITE, again, result)
@@ -84,15 +83,15 @@ def shares(material: str, *, front: bool = True) -> dict[Any, float]:
     return measured[0]
 
 
-def about(expected: dict[Any, float]) -> Any:
+def about(expected):
     return pytest.approx(expected, abs=4.0 * 0.5 / np.sqrt(COUNT))
 
 
-def test_a_mixture_shows_each_by_its_weight() -> None:
+def test_a_mixture_shows_each_by_its_weight():
     assert shares("{type: mixture, materials: [clay, chalk], weight: 0.2}") == about({0.5: 0.8, 0.8: 0.2})
 
 
-def test_a_cutout_shows_as_much_as_is_there() -> None:
+def test_a_cutout_shows_as_much_as_is_there():
     assert shares("{type: cutout, material: clay, opacity: 0.3}") == about({0.5: 0.3, None: 0.7})
     assert shares("{type: cutout, material: clay, opacity: 0}") == {None: 1.0}
     assert shares("{type: cutout, material: clay, opacity: 0.3, threshold: 0.5}") == {None: 1.0}
@@ -101,13 +100,13 @@ def test_a_cutout_shows_as_much_as_is_there() -> None:
     assert shares(f"{{type: cutout, material: clay, opacity: {cells}, threshold: 0.5}}") == {0.5: 1.0}
 
 
-def test_two_sides() -> None:
+def test_two_sides():
     both = "{type: two_sided, front: clay, back: chalk}"
     assert shares(both, front=True) == {0.5: 1.0}
     assert shares(both, front=False) == {0.8: 1.0}
 
 
-def test_selectors_within_selectors_multiply() -> None:
+def test_selectors_within_selectors_multiply():
     nested = (
         "{type: mixture, weight: 0.25, materials: [{type: cutout, opacity: 0.4, material: clay}, "
         "{type: two_sided, front: {type: cutout, opacity: 0.5, material: chalk}, back: clay}]}"
@@ -125,7 +124,7 @@ def test_selectors_within_selectors_multiply() -> None:
         ("{type: two_sided, front: lamp, back: {type: cutout, material: lamp, opacity: 0.5}}", 1.0, 0.5),
     ],
 )
-def test_a_light_point_gives_the_mean_of_what_may_show(material: str, front: float, back: float) -> None:
+def test_a_light_point_gives_the_mean_of_what_may_show(material, front, back):
     # What a light sample brings on average must be what paths find there on average.
     world, reference = packed(material)
     for side, expected in ((True, front), (False, back)):
@@ -145,7 +144,7 @@ def test_a_light_point_gives_the_mean_of_what_may_show(material: str, front: flo
         "{type: two_sided, front: clay, back: clay}",
     ],
 )
-def test_without_a_choice_there_is_no_selector(material: str) -> None:
+def test_without_a_choice_there_is_no_selector(material):
     # The very scene, in type and in values, that names the one material that is ever met.
     world, reference = packed(material)
     plain, of_plain = packed("clay")
@@ -155,27 +154,27 @@ def test_without_a_choice_there_is_no_selector(material: str) -> None:
     assert np.array_equal(world.materials[0].albedo.values, plain.materials[0].albedo.values)
 
 
-def test_only_what_has_holes_lets_pass() -> None:
+def test_only_what_has_holes_lets_pass():
     assert packed("{type: mixture, materials: [clay, chalk]}")[0].transparency is None
     assert packed("{type: mixture, materials: [clay, {type: cutout, material: chalk}]}")[0].transparency is not None
 
 
-def test_relief_of_a_selector_is_its_childrens() -> None:
+def test_relief_of_a_selector_is_its_childrens():
     own = Lambertian(bump="waves", bump_height=0.3)
     mixed = resolve_material(Mixture(materials=("a", own), bump="sand", bump_height=0.1), {"a": Lambertian()})
     children = list(mixed.children().values())
     assert [(child.bump, child.bump_height) for child in children] == [("sand", 0.1), ("waves", 0.3)]
 
 
-def test_exitance_is_the_weighted_one() -> None:
+def test_exitance_is_the_weighted_one():
     lamp = Emitter(radiance=(1.0, 2.0, 3.0))
     clay = Lambertian()
     assert Mixture(materials=(clay, lamp), weight=0.25).emitted_power(ParameterPacker()) == pytest.approx(1.5)
     assert Cutout(material=lamp, opacity=0.5).emitted_power(ParameterPacker()) == pytest.approx(3.0)
 
 
-def test_equal_parts_are_packed_once() -> None:
-    used: list[MaterialSpec] = [
+def test_equal_parts_are_packed_once():
+    used = [
         resolve_material(Mixture(materials=(Lambertian(), Emitter(radiance=(1.0, 1.0, 1.0))), weight=0.25), {}),
         resolve_material(Cutout(material=Lambertian(), opacity=0.5), {}),
         Lambertian(),
@@ -185,7 +184,7 @@ def test_equal_parts_are_packed_once() -> None:
     assert [len(next(iter(table)).values) for table in tables] == [1, 1]
 
 
-def test_what_is_left_of_a_number_is_uniform() -> None:
+def test_what_is_left_of_a_number_is_uniform():
     u = (np.arange(1000) + 0.5) / 1000
     hits = [split_random_number(float(value), 0.3) for value in u]
     there = np.array([rest for hit, rest in hits if hit])

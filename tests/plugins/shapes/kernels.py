@@ -10,12 +10,7 @@ from raytracer.core import embree
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.embree import GEOMETRY, INSTANCE, MISS, PLACEMENT, PRIMITIVE, TFAR, TIME, Accel
 from raytracer.core.geometry import Exact, spawn_point
-from raytracer.core.instancing import (
-    intersect_instance,
-    pdf_instance_point,
-    resolve_instance,
-    sample_instance_point,
-)
+from raytracer.core.instancing import intersect_instance, pdf_instance_point, resolve_instance, sample_instance_point
 from raytracer.core.primitives.base.interface import geometry, row_of_any
 from tests.vectorised import rows, vectorised
 

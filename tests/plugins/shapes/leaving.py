@@ -3,8 +3,6 @@
 Rays of a packet go together, as in a render; hits, offsets and what is spawned are the program's own.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -169,14 +167,14 @@ class Scenery(NamedTuple):
     names: tuple[str, ...]
 
 
-def _icosphere(subdivisions: int) -> tuple[Array, NDArray[np.int64]]:
+def _icosphere(subdivisions):
     import trimesh
 
     mesh = trimesh.creation.icosphere(subdivisions)
     return np.array(mesh.vertices), np.array(mesh.faces)
 
 
-def _write_meshes(folder: Path, count: int) -> None:
+def _write_meshes(folder, count):
     """Three frames for each object, all the same triangles."""
     if (folder / f"{count - 1}_2.obj").exists():
         return
@@ -187,12 +185,12 @@ def _write_meshes(folder: Path, count: int) -> None:
             _write_obj(folder / f"{number}_{time}.obj", bent, faces)
 
 
-def _write_obj(path: Path, vertices: Array, faces: NDArray[np.int64]) -> None:
+def _write_obj(path, vertices, faces):
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
     path.write_text("\n".join(lines + [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]) + "\n")
 
 
-def _numbers(vector: Any) -> str:
+def _numbers(vector):
     return f"[{', '.join(repr(float(x)) for x in vector)}]"
 
 
@@ -206,11 +204,11 @@ _STEP = 8.0
 """Between the middles of two objects, in sizes."""
 
 
-def scenery(folder: Path, size: float, away: float, seed: int) -> Scenery:
+def scenery(folder, size, away, seed):
     """Objects of about this size (m), `away` sizes from the origin, each of a kind, each turned its own way."""
     rng = np.random.default_rng(seed)
 
-    def turned() -> str:
+    def turned():
         axis, angle = unit(rng.normal(size=3))[0], rng.uniform(10.0, 350.0)
         return f"{{rotate: {{axis: {_numbers(axis)}, angle: {angle!r}}}}}"
 
@@ -269,7 +267,7 @@ def scenery(folder: Path, size: float, away: float, seed: int) -> Scenery:
     return Scenery(stage, accel, embree.ray_packets(), *places, objects, tuple(names))
 
 
-def leave(place: Scenery, count: int, seed: int, *, bare: bool = False) -> tuple[Left, NDArray[np.int64], Array]:
+def leave(place, count, seed, *, bare=False):
     """Rays that leave what they meet; also the way that each left, and its time.
 
     Half of them start outside of an object, from up to a thousand sizes away, half within.
@@ -294,7 +292,7 @@ def leave(place: Scenery, count: int, seed: int, *, bare: bool = False) -> tuple
     return left, ways, times
 
 
-def objects_met(place: Scenery, left: Left) -> NDArray[np.int64]:
+def objects_met(place, left):
     """The objects met first and next (n, 2), -1 for nothing."""
     result = np.full(left.table.shape, -1)
     for number, owners in enumerate(place.objects.owners):
@@ -305,7 +303,7 @@ def objects_met(place: Scenery, left: Left) -> NDArray[np.int64]:
     return result
 
 
-def _chord(place: Scenery, left: Left, rays: NDArray[np.int64], times: Array) -> Array:
+def _chord(place, left, rays, times):
     """Return the true distance from the points where rays go on to the far side of their spheres, 0 if outside."""
     result = np.zeros(len(rays))
     for number, table in enumerate(place.stage.primitives):
@@ -334,7 +332,7 @@ CONVEX = ("sphere", "box", "mesh", "smooth mesh", "ellipsoid", "stretched mesh")
 """Objects that no ray meets again which leaves them outwards."""
 
 
-def self_hits(place: Scenery, left: Left, times: Array) -> NDArray[np.bool_]:
+def self_hits(place, left, times):
     """Which rays met again, wrongly, what they left (n,).
 
     What is flat cannot be met twice, nor what is convex from outside.  A sphere is met again from inside, at the other
@@ -353,7 +351,7 @@ def self_hits(place: Scenery, left: Left, times: Array) -> NDArray[np.bool_]:
     return again
 
 
-def stages(folder: Path) -> Iterator[Scenery]:
+def stages(folder):
     """Sceneries of all sizes, at the origin and away from it."""
     combinations = [(10.0**power, away) for power in range(-6, 7, 2) for away in (0.0, 3.0, 300.0)]
     for number, (size, away) in enumerate(combinations):

@@ -1,7 +1,5 @@
 """No ray meets again what it leaves: ten million of them, over all shapes, motions, sizes and ways of leaving."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -9,10 +7,10 @@ from tests.plugins.shapes.leaving import CONVEX, WAYS, leave, objects_met, self_
 
 
 @pytest.mark.slow
-def test_ten_million_rays_leave_what_they_met(tmp_path: Path) -> None:
+def test_ten_million_rays_leave_what_they_met(tmp_path):
     # Sizes 1e-6 to 1e6 m; resting, flying, spinning and rolling; baked, placed, stretched and mirrored.
     rays, failures = 0, 0
-    seen: set[tuple[str, str]] = set()
+    seen = set()
     for number, place in enumerate(stages(tmp_path)):
         left, ways, times = leave(place, 600_000, number)
         rays += int((left.table[:, 0] >= 0).sum())
@@ -27,7 +25,7 @@ def test_ten_million_rays_leave_what_they_met(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_they_would_meet_it_without_an_offset(tmp_path: Path) -> None:
+def test_they_would_meet_it_without_an_offset(tmp_path):
     # The same rays from the hit itself: about half of those from what is flat find it again.
     place = next(stages(tmp_path))
     left, _, times = leave(place, 20_000, 1, bare=True)

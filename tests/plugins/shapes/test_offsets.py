@@ -4,11 +4,9 @@ Through Embree itself: its float32 distances are what the offsets have to make g
 """
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.core.primitives.discs import Discs
 from raytracer.core.primitives.parallelograms import Parallelograms
@@ -19,12 +17,12 @@ from tests.plugins.shapes.kernels import built, cast, pdf_of, sample, spawn, uni
 SCALES = (1e-3, 1.0, 1e3, 1e6)
 
 
-def spheres(center: Any, radius: Any) -> Spheres:
+def spheres(center, radius):
     centers = np.atleast_2d(np.asarray(center, np.float64))
     return Spheres(centers, np.atleast_1d(np.asarray(radius, np.float64)), np.zeros(len(centers), np.int32))
 
 
-def flat(kind: str, scale: float) -> Any:
+def flat(kind, scale):
     """A tilted flat primitive of this size, away from the origin by its size."""
     corner, u, v = (
         scale * np.array([0.7, 0.3, -0.2]),
@@ -41,7 +39,7 @@ def flat(kind: str, scale: float) -> Any:
     return Triangles(vertices, np.array([[0, 1, 2]], np.uint32), material)
 
 
-def self_hits(table: Any, origins: NDArray[np.float64], directions: NDArray[np.float64], seed: int) -> tuple[int, int]:
+def self_hits(table, origins, directions, seed):
     """Count rays that go on from hits to a random side and meet the same flat surface again: (hits, rays)."""
     onwards = uniform_directions(len(origins), seed)
     accel = built(table)
@@ -53,7 +51,7 @@ def self_hits(table: Any, origins: NDArray[np.float64], directions: NDArray[np.f
 
 @pytest.mark.parametrize("kind", ["parallelogram", "disc", "triangle"])
 @pytest.mark.parametrize("scale", SCALES)
-def test_rays_leave_flat_surfaces_for_good(kind: str, scale: float) -> None:
+def test_rays_leave_flat_surfaces_for_good(kind, scale):
     # Hard case 15: a plane cannot be met twice.  Without an offset half of the rays would meet it.
     table = flat(kind, scale)
     count = 50_000
@@ -67,7 +65,7 @@ def test_rays_leave_flat_surfaces_for_good(kind: str, scale: float) -> None:
 
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("place", ["at the origin", "a ground below the origin", "far off"])
-def test_rays_leave_spheres_outwards_for_good(scale: float, place: str) -> None:
+def test_rays_leave_spheres_outwards_for_good(scale, place):
     # Hard case 1: the error of a large sphere is that of |centre| + radius, not of the hit point near the origin.
     center = {
         "at the origin": np.zeros(3),
@@ -91,7 +89,7 @@ def test_rays_leave_spheres_outwards_for_good(scale: float, place: str) -> None:
 
 
 @pytest.mark.parametrize("scale", SCALES)
-def test_rays_inside_spheres_meet_the_far_side(scale: float) -> None:
+def test_rays_inside_spheres_meet_the_far_side(scale):
     # From inside, the next hit is the chord's other end, 2 r cos away; a self-hit would be near 0.
     center = scale * np.array([0.5, -1.0, 2.0])
     table = spheres(center, scale)
@@ -115,7 +113,7 @@ def test_rays_inside_spheres_meet_the_far_side(scale: float) -> None:
     assert (np.abs(result - chord)[long] <= 2.0 * offset / cosine[long]).all()
 
 
-def test_a_thousand_spheres_of_all_sizes() -> None:
+def test_a_thousand_spheres_of_all_sizes():
     # Hard case 9 (pbrt-v4, shapes_test.cpp): radii 1e-4 to 1e4, a thousand rays from each; none meets its own sphere.
     # Centres are up to a thousand radii off: farther than 1e5, float32 cannot hold a sphere.
     rng = np.random.default_rng(9)
@@ -141,7 +139,7 @@ def test_a_thousand_spheres_of_all_sizes() -> None:
 @pytest.mark.parametrize(
     ("degrees", "distance"), [(90.0, 1.0), (10.0, 5.854486340902376), (3.75, 17.665512273919436), (2.5, None)]
 )
-def test_ground_sphere_of_one_weekend(degrees: float, distance: float | None) -> None:
+def test_ground_sphere_of_one_weekend(degrees, distance):
     # Hard case 3: r = 1000, eye (0, 1, 0), so many degrees below the horizon; Embree alone is off by 3e-4.
     # c / (b + sqrt(b^2 - c)) with b = 1001 sin, c = 1001^2 - 1000^2, in 40 digits.
     table = spheres([0.0, -1000.0, 0.0], 1000.0)
@@ -154,7 +152,7 @@ def test_ground_sphere_of_one_weekend(degrees: float, distance: float | None) ->
 
 
 @pytest.mark.parametrize("radius", [1e3, 1e4, 1e5, 1e6])
-def test_height_above_large_spheres(radius: float) -> None:
+def test_height_above_large_spheres(radius):
     # Hard case 4: Embree's height error is 1.6e-4 to 0.15; solved in float64, 3e-10.
     table = spheres([0.0, -radius, 0.0], radius)
     x = np.random.default_rng(10).uniform(-3.0, 3.0, (1000, 2))
@@ -166,7 +164,7 @@ def test_height_above_large_spheres(radius: float) -> None:
 
 
 @pytest.mark.parametrize("distance", [10.0, 1e3, 1e5])
-def test_far_spheres_are_met_in_front_and_exactly(distance: float) -> None:
+def test_far_spheres_are_met_in_front_and_exactly(distance):
     # Hard case 1: unit spheres within an impact parameter of 0.999; however near the limb, the near side is met.
     count = 100_000
     rng = np.random.default_rng(11)
@@ -183,7 +181,7 @@ def test_far_spheres_are_met_in_front_and_exactly(distance: float) -> None:
     assert (np.abs(hits.point[met, 2] - height[met]) * height[met] <= 4e-16 * distance + 1e-15).all()
 
 
-def test_eye_at_the_centre_of_a_sphere() -> None:
+def test_eye_at_the_centre_of_a_sphere():
     # Hard case 5: t = r all round, with the normal outwards.
     directions = uniform_directions(1000, 12)
     hits = cast((spheres([1.0, 2.0, 3.0], 1.0),), np.tile([1.0, 2.0, 3.0], (1000, 1)), directions)
@@ -191,7 +189,7 @@ def test_eye_at_the_centre_of_a_sphere() -> None:
     np.testing.assert_allclose(hits.normal, directions, atol=1e-15)
 
 
-def test_rays_that_start_on_a_sphere_give_numbers() -> None:
+def test_rays_that_start_on_a_sphere_give_numbers():
     # Hard case 7: outwards there is nothing or the surface itself, inwards the surface or the far side.
     normals = uniform_directions(2000, 18)
     table = spheres([0.0, 0.0, 0.0], 1.0)
@@ -203,7 +201,7 @@ def test_rays_that_start_on_a_sphere_give_numbers() -> None:
         np.testing.assert_allclose(np.linalg.norm(hits.normal[met], axis=1), 1.0, atol=1e-15)
 
 
-def test_tangent_rays_give_numbers() -> None:
+def test_tangent_rays_give_numbers():
     # Hard case 6: a ray at x = 1 touches the unit sphere or misses it, without NaN.
     for x in (1.0, np.nextafter(1.0, 0.0), np.float64(np.nextafter(np.float32(1.0), np.float32(0.0)))):
         hits = cast((spheres([0.0, 0.0, 0.0], 1.0),), [x, 0.0, 5.0], [0.0, 0.0, -1.0])
@@ -214,7 +212,7 @@ def test_tangent_rays_give_numbers() -> None:
 
 
 @pytest.mark.parametrize(("distance", "radius"), [(1e4, 1.0), (1e8, 1.0), (1.0 + 1e-5, 1.0)])
-def test_cone_of_a_sphere_light_keeps_its_density_finite(distance: float, radius: float) -> None:
+def test_cone_of_a_sphere_light_keeps_its_density_finite(distance, radius):
     # Hard case 10: the solid angle is 2 pi s^2 / (1 + sqrt(1 - s^2)), s = r / d; 1 - cos is 0 in float32 at d = 1e4.
     table = spheres([0.0, 0.0, 0.0], radius)
     points = sample((table,), 0, 0, [distance, 0.0, 0.0], np.random.default_rng(13).random((1000, 2)))
@@ -226,7 +224,7 @@ def test_cone_of_a_sphere_light_keeps_its_density_finite(distance: float, radius
 
 
 @pytest.mark.parametrize("distance", [1.0 - 2.0**-52, 1.0, 1.0 + 2.0**-52, 1.0 + 1e-9])
-def test_a_sphere_is_drawn_by_area_from_points_on_it(distance: float) -> None:
+def test_a_sphere_is_drawn_by_area_from_points_on_it(distance):
     # Such as those of glowing glass that lights itself; which side of the sphere rounding puts them on must not matter.
     table = (spheres([0.0, 0.0, 0.0], 1.0),)
     points = sample(table, 0, 0, [distance, 0.0, 0.0], np.random.default_rng(13).random((4000, 2)))
@@ -238,7 +236,7 @@ def test_a_sphere_is_drawn_by_area_from_points_on_it(distance: float) -> None:
     np.testing.assert_allclose(result, points.pdf, rtol=1e-9)
 
 
-def test_the_far_side_of_a_sphere_is_not_aimed_at() -> None:
+def test_the_far_side_of_a_sphere_is_not_aimed_at():
     # From outside only the near side is drawn, so what is seen of the far one through holes is left to paths.
     table = (spheres([0.0, 0.0, 0.0], -1.0),)
     points = sample(table, 0, 0, [3.0, 0.0, 0.0], np.random.default_rng(13).random((1000, 2)))
@@ -251,7 +249,7 @@ def test_the_far_side_of_a_sphere_is_not_aimed_at() -> None:
     assert not pdf_of(table, 0, 0, [3.0, 0.0, 0.0], far, -far).any()
 
 
-def test_quads_have_no_gap_along_their_diagonal() -> None:
+def test_quads_have_no_gap_along_their_diagonal():
     # Hard case 11: Embree cuts a quad in two; with its robust flag no ray passes between.
     table = flat("parallelogram", 1.0)
     corner, u, v = table.corner[0], table.u[0], table.v[0]
@@ -262,7 +260,7 @@ def test_quads_have_no_gap_along_their_diagonal() -> None:
 
 
 @pytest.mark.parametrize("exact", [True, False])
-def test_what_accuracy_adds(exact: bool) -> None:
+def test_what_accuracy_adds(exact):
     # `exact` solves the hit again, to 1e-15 of the distance; `fast` takes Embree's float32 distance along the ray.
     table = flat("parallelogram", 1.0)
     corner, u, v = table.corner[0], table.u[0], table.v[0]
@@ -279,7 +277,7 @@ def test_what_accuracy_adds(exact: bool) -> None:
         assert 1e-6 < off.max() < 1e-4
 
 
-def test_vertex_normals_that_cancel_leave_the_face_its_own() -> None:
+def test_vertex_normals_that_cancel_leave_the_face_its_own():
     # Half of one normal and half of its opposite: 0 / 0 in place of a direction, where a file's normals are that bad.
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], np.float32)
     bent = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, -1.0]], np.float32)
