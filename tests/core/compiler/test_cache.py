@@ -127,24 +127,12 @@ def test_old_caches_are_dropped(tmp_path, monkeypatch):
     assert left == sorted([current.name, "kernels-0", "kernels-1", "kernels-2", "something else"])
 
 
-def _locked(folder):
-    folder.chmod(0o500)
-    return folder / "cache"
-
-
-def _taken(folder):
-    (folder / "file").touch()
-    return folder / "file"
-
-
-def _dangling(folder):
-    (folder / "link").symlink_to(folder / "nowhere" / "at all")
-    return folder / "link"
-
-
-@pytest.mark.parametrize("place", [_locked, _taken, _dangling, lambda folder: folder / "a" / "b" / "c"])
+@pytest.mark.parametrize("place", ["locked/cache", "file", "link", "a/b/c"])
 def test_wherever_the_cache_is_to_be_kernels_run(place, tmp_path, monkeypatch):
-    monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(place(tmp_path)))
+    (tmp_path / "locked").mkdir(0o500)
+    (tmp_path / "file").touch()
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere" / "at all")
+    monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(tmp_path / place))
     monkeypatch.setattr(cache, "CACHE_FOLDER", cache._make_cache_folder())
 
     @entry
@@ -152,7 +140,6 @@ def test_wherever_the_cache_is_to_be_kernels_run(place, tmp_path, monkeypatch):
         return 2.0 * x
 
     assert double(1.5) == 3.0
-    tmp_path.chmod(0o700)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="homes are found in another way there")

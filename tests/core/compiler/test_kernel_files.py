@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numba
@@ -18,6 +19,7 @@ from raytracer.core.compiler.kernel_files import CacheWarning, KernelFiles
 from raytracer.core.compiler.signing_key import FILE_NAME
 
 KEY = ("float64", ("x86", "+avx2"), ("code", ""))
+OTHER = ("int64", *KEY[1:])
 
 
 def files(folder):
@@ -44,23 +46,25 @@ def test_what_was_saved_is_loaded_by_any_process(tmp_path):
     assert files(tmp_path).load(KEY) is None
     files(tmp_path).save(KEY, [1, 2])
     assert files(tmp_path).load(KEY) == [1, 2]
-    assert files(tmp_path).load(("int64", *KEY[1:])) is None
+    assert files(tmp_path).load(OTHER) is None
+
+
+def at_once(action, arguments):
+    """What an action returns for each of some arguments, by threads that start together."""
+    together = threading.Barrier(len(arguments))
+
+    def run(argument):
+        together.wait()
+        return action(argument)
+
+    with ThreadPoolExecutor(len(arguments)) as pool:
+        return list(pool.map(run, arguments))
 
 
 def test_processes_that_save_at_the_same_time_keep_both(tmp_path):
     # Numba's own index, read before the other's entry is there, loses one of them.
-    keys = [("int64", *KEY[1:]), KEY, ("float32", *KEY[1:])]
-    together = threading.Barrier(len(keys))
-
-    def save(key):
-        together.wait()
-        files(tmp_path).save(key, key[0])
-
-    threads = [threading.Thread(target=save, args=(key,)) for key in keys]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    keys = [OTHER, KEY, ("float32", *KEY[1:])]
+    at_once(lambda key: files(tmp_path).save(key, key[0]), keys)
     assert [files(tmp_path).load(key) for key in keys] == [key[0] for key in keys]
 
 
@@ -75,7 +79,7 @@ def test_a_file_of_other_types_is_not_taken(tmp_path, monkeypatch):
 
 def test_a_signed_file_is_not_taken_in_the_place_of_another(tmp_path):
     # Nor in a folder of other sources, whose machine code expects other arguments.
-    store, other = files(tmp_path), ("int64", *KEY[1:])
+    store, other = files(tmp_path), OTHER
     store.save(KEY, _Trap(tmp_path / "sprung"))
     store.save(other, "those")
     file_of(store).replace(file_of(store, other))
@@ -85,16 +89,6 @@ def test_a_signed_file_is_not_taken_in_the_place_of_another(tmp_path):
     later = KernelFiles(tmp_path / "later", "path_tracer.render_tile-1")
     assert later.load(KEY) is None
     assert not (tmp_path / "sprung").exists()
-
-
-@pytest.mark.parametrize("left", [0, 1, 20, -1])
-def test_a_damaged_file_is_as_none_and_is_replaced(left, tmp_path):
-    store = files(tmp_path)
-    store.save(KEY, "good")
-    file_of(store).write_bytes(file_of(store).read_bytes()[:left])
-    assert store.load(KEY) is None
-    store.save(KEY, "good")
-    assert store.load(KEY) == "good"
 
 
 def test_no_flipped_bit_gets_into_what_is_executed(tmp_path):
@@ -139,22 +133,15 @@ def test_what_is_trusted_is_executed(tmp_path):
     assert (tmp_path / "sprung").exists()
 
 
-def _unsigned(path, content):
-    """Make a file of the unsigned format: a checksum stands before it, which anybody can make."""
-    return b"rt kernel 1\n" + hashlib.sha256(content).digest() + content
+FORGED = {
+    # The format of old, and that of today with a checksum, which anybody can make; and right but for the key.
+    "unsigned": lambda path, content: b"rt kernel 1\n" + hashlib.sha256(content).digest() + content,
+    "with a checksum": lambda path, content: b"rt kernel 2\n" + hashlib.sha256(content).digest() + content,
+    "by another key": lambda path, content: kernel_files._signed_header(path, content, bytes(32)) + content,
+}
 
 
-def _with_a_checksum(path, content):
-    """Make a file like a signed one, but with a checksum, which needs no key."""
-    return b"rt kernel 2\n" + hashlib.sha256(content).digest() + content
-
-
-def _by_another_key(path, content):
-    """Make a file that is right but for the key that signed it."""
-    return kernel_files._signed_header(path, content, bytes(32)) + content
-
-
-@pytest.mark.parametrize("forged", [_unsigned, _with_a_checksum, _by_another_key])
+@pytest.mark.parametrize("forged", FORGED)
 def test_a_cache_that_came_with_an_archive_runs_nothing(forged, tmp_path, monkeypatch):
     """It belongs to the user who has unpacked it, and nobody else can write to it: modes do not tell."""
     folder = tmp_path / "unpacked" / "kernels"
@@ -170,7 +157,7 @@ def test_a_cache_that_came_with_an_archive_runs_nothing(forged, tmp_path, monkey
     assert [run(), run()] == [(1.5, 0), (1.5, 1)]
     (path,) = folder.glob("*.nbc")
     sprung = tmp_path / "sprung"
-    attack = forged(path, pickle.dumps(_Trap(sprung)))
+    attack = FORGED[forged](path, pickle.dumps(_Trap(sprung)))
     # By the name without a key, too, by which it was looked for once.
     unkeyed = path.with_name(f"{path.name.rsplit('.', 2)[0]}.nbc")
     path.write_bytes(attack)
@@ -192,35 +179,25 @@ def test_keys_that_share_a_folder_do_not_undo_each_others_work(tmp_path, tmp_pat
     assert files(tmp_path).load(KEY) == "mine"
 
 
-def _in_the_cache(cache):
-    (cache / "key").mkdir()
-    return str(cache / "key")
-
-
-def _in_the_cache_by_a_link(cache):
-    (cache.parent / "link").symlink_to(cache)
-    return str(cache.parent / "link")
-
-
-def _under_a_file(cache):
-    (cache.parent / "file").touch()
-    return str(cache.parent / "file" / "key")
+def _made(path, make):
+    make(path)
+    return path
 
 
 @pytest.mark.parametrize(
     ("place", "words"),
     [
-        (_in_the_cache, "lies in that of the cache"),
-        (_in_the_cache_by_a_link, "lies in that of the cache"),
+        (lambda cache: _made(cache / "key", Path.mkdir), "lies in that of the cache"),
+        (lambda cache: _made(cache.parent / "link", lambda link: link.symlink_to(cache)), "lies in that of the cache"),
         (lambda _: "key", "'key', is not an absolute path"),
-        (_under_a_file, "no signing key can be kept in .*file.key: "),
+        (lambda cache: _made(cache.parent / "file", Path.touch) / "key", "no signing key can be kept in .*file.key: "),
     ],
 )
 def test_without_a_key_to_trust_nothing_is_taken_or_kept(place, words, tmp_path, monkeypatch):
     cache = tmp_path / "cache"
     store = _trapped(cache)
     before = sorted(cache.rglob("*"))
-    monkeypatch.setenv("RAYTRACER_KEY_DIR", place(cache))
+    monkeypatch.setenv("RAYTRACER_KEY_DIR", str(place(cache)))
     warned = pytest.warns(CacheWarning, match=f"{words}.*compiles anew; RAYTRACER_KEY_DIR names another")
     with warned, store.compile_lock(KEY):
         assert store.load(KEY) is None
@@ -230,60 +207,74 @@ def test_without_a_key_to_trust_nothing_is_taken_or_kept(place, words, tmp_path,
     assert not (cache / "sprung").exists()
 
 
-def test_with_a_lost_key_all_is_compiled_anew(tmp_path, keys):
-    store = files(tmp_path)
-    store.save(KEY, "machine code")
-    (keys / FILE_NAME).unlink()
-    assert store.load(KEY) is None
-    store.save(KEY, "machine code")
-    assert store.load(KEY) == "machine code"
+def _linked(folder, monkeypatch):
+    folder.rename(folder.with_name("elsewhere"))
+    folder.symlink_to(folder.with_name("elsewhere"))
+
+
+def _given_away(folder, monkeypatch):
+    if os.geteuid() == 0:
+        os.chown(folder, 12345, -1)
+    else:
+        monkeypatch.setattr("os.geteuid", lambda: os.getuid() + 1)
+
+
+def _open(mode):
+    return lambda folder, monkeypatch: folder.chmod(mode)
 
 
 @_POSIX
-@pytest.mark.parametrize("mode", [0o775, 0o757, 0o777, 0o1777])
-def test_a_folder_that_others_may_write_to_is_not_trusted(mode, tmp_path):
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        *((_open(mode), "can be written by other users") for mode in (0o775, 0o757, 0o777, 0o1777)),
+        (_linked, "is a link"),
+        (_given_away, "belongs to another user"),
+    ],
+)
+def test_a_folder_that_others_may_write_to_is_not_trusted(spoil, words, tmp_path, monkeypatch):
     store = _trapped(tmp_path)
-    store.path(KEY).parent.chmod(mode)
+    spoil(tmp_path / "kernels", monkeypatch)
     before = sorted((tmp_path / "kernels").iterdir())
-    with pytest.warns(CacheWarning, match="can be written by other users"), store.compile_lock(KEY):
+    with pytest.warns(CacheWarning, match=words), store.compile_lock(KEY):
         assert store.load(KEY) is None
     # Said once; and nothing is written there, nor locked.
-    with store.compile_lock(("int64", *KEY[1:])):
-        store.save(("int64", *KEY[1:]), "machine code")
+    with store.compile_lock(OTHER):
+        store.save(OTHER, "machine code")
     assert sorted((tmp_path / "kernels").iterdir()) == before
     assert not (tmp_path / "sprung").exists()
 
 
-@_POSIX
-def test_a_link_in_place_of_the_folder_is_not_trusted(tmp_path):
-    _trapped(tmp_path)
-    (tmp_path / "kernels").rename(tmp_path / "elsewhere")
-    (tmp_path / "kernels").symlink_to(tmp_path / "elsewhere")
-    with pytest.warns(CacheWarning, match="is a link"):
-        assert files(tmp_path).load(KEY) is None
-    assert not (tmp_path / "sprung").exists()
+def _piped(path):
+    path.unlink()
+    os.mkfifo(path)
+
+
+SPOILT = {
+    **{f"cut at {left}": lambda path, left=left: path.write_bytes(path.read_bytes()[:left]) for left in (0, 1, 20, -1)},
+    "key lost": lambda path: (Path(os.environ["RAYTRACER_KEY_DIR"]) / FILE_NAME).unlink(),
+    "group may write": lambda path: path.chmod(0o664),
+    "all may write": lambda path: path.chmod(0o646),
+    # Which is not waited for.
+    "a pipe": _piped,
+}
 
 
 @_POSIX
-def test_a_folder_of_another_user_is_not_trusted(tmp_path, monkeypatch):
+@pytest.mark.parametrize("spoilt", SPOILT)
+def test_a_damaged_or_open_file_is_as_none_and_is_replaced_by_one_alone(spoilt, tmp_path):
     store = _trapped(tmp_path)
-    if os.geteuid() == 0:
-        os.chown(tmp_path / "kernels", 12345, -1)
-    else:
-        monkeypatch.setattr("os.geteuid", lambda: os.getuid() + 1)
-    with pytest.warns(CacheWarning, match="belongs to another user"):
-        assert store.load(KEY) is None
-    assert not (tmp_path / "sprung").exists()
+    SPOILT[spoilt](file_of(store))
 
+    def want(number):
+        with files(tmp_path).compile_lock(KEY):
+            if files(tmp_path).load(KEY) is not None:
+                return False
+            files(tmp_path).save(KEY, "machine code")
+            return True
 
-@_POSIX
-@pytest.mark.parametrize("mode", [0o664, 0o646])
-def test_a_file_that_others_may_write_to_is_as_none_and_is_replaced(mode, tmp_path):
-    store = _trapped(tmp_path)
-    file_of(store).chmod(mode)
-    assert store.load(KEY) is None
+    assert sum(at_once(want, range(4))) == 1
     assert not (tmp_path / "sprung").exists()
-    store.save(KEY, "machine code")
     assert store.load(KEY) == "machine code"
 
 
@@ -298,40 +289,6 @@ def test_files_are_for_their_owner_to_write_whatever_the_mask_is(tmp_path):
     assert {path.stat().st_mode & 0o777 for path in (tmp_path / "kernels").rglob("*")} == {0o600}
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in folders there")
-def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path):
-    store = files(tmp_path)
-    store.save(KEY, "machine code")
-    path = file_of(store)
-    path.unlink()
-    os.mkfifo(path)
-    assert store.load(KEY) is None
-    store.save(KEY, "machine code")
-    assert store.load(KEY) == "machine code"
-
-
-def test_a_damaged_file_is_compiled_by_one_alone(tmp_path):
-    store = files(tmp_path)
-    store.save(KEY, "machine code")
-    file_of(store).write_bytes(file_of(store).read_bytes()[:-1])
-    compiled = []
-    together = threading.Barrier(4)
-
-    def want(number):
-        together.wait()
-        with files(tmp_path).compile_lock(KEY):
-            if files(tmp_path).load(KEY) is None:
-                compiled.append(number)
-                files(tmp_path).save(KEY, "machine code")
-
-    threads = [threading.Thread(target=want, args=(number,)) for number in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(compiled) == 1
-
-
 def test_what_the_killed_have_left_is_removed_in_time(tmp_path):
     store = files(tmp_path)
     store.save(KEY, "machine code")
@@ -342,7 +299,7 @@ def test_what_the_killed_have_left_is_removed_in_time(tmp_path):
         path.touch()
     for path in left:
         os.utime(path, (1.0, 1.0))
-    store.save(("int64", *KEY[1:]), "other")
+    store.save(OTHER, "other")
     assert not any(path.exists() for path in left)
     assert all(path.exists() for path in at_work)
     assert store.load(KEY) == "machine code"
@@ -375,26 +332,6 @@ def test_who_is_killed_while_compiling_holds_nobody_up(tmp_path, monkeypatch):
     with files(tmp_path).compile_lock(KEY):
         files(tmp_path).save(KEY, "machine code")
     assert files(tmp_path).load(KEY) == "machine code"
-
-
-def test_one_compiles_and_the_others_wait(tmp_path):
-    compiled = []
-    together = threading.Barrier(4)
-
-    def want(number):
-        store = files(tmp_path)
-        together.wait()
-        with store.compile_lock(KEY):
-            if store.load(KEY) is None:
-                compiled.append(number)
-                store.save(KEY, "machine code")
-
-    threads = [threading.Thread(target=want, args=(number,)) for number in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(compiled) == 1
 
 
 def test_those_who_find_it_there_hold_nothing_up(tmp_path):

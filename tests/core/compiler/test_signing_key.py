@@ -3,6 +3,7 @@
 import os
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -29,30 +30,18 @@ def test_a_key_is_made_once_and_is_its_owners_alone(tmp_path):
 
 
 def test_all_who_make_it_at_once_have_the_same(tmp_path):
-    keys = set()
     together = threading.Barrier(16)
 
     def make(folder):
         together.wait()
-        keys.add(signing_key(folder))
+        return signing_key(folder)
 
-    for turn in range(8):
-        keys.clear()
-        threads = [threading.Thread(target=make, args=(tmp_path / f"{turn}",)) for _ in range(together.parties)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        assert keys == {(tmp_path / f"{turn}" / FILE_NAME).read_bytes()}
-        assert len(list((tmp_path / f"{turn}").iterdir())) == 1
-
-
-def _open_to_others(path):
-    path.chmod(0o640)
-
-
-def _of_another(path):
-    os.chown(path, 12345, -1)
+    with ThreadPoolExecutor(together.parties) as pool:
+        for turn in range(8):
+            folder = tmp_path / f"{turn}"
+            keys = {*pool.map(make, [folder] * together.parties)}
+            assert keys == {(folder / FILE_NAME).read_bytes()}
+            assert len(list(folder.iterdir())) == 1
 
 
 def _link(path):
@@ -60,45 +49,26 @@ def _link(path):
     path.symlink_to(path.with_name("elsewhere"))
 
 
-def _dangling(path):
-    path.unlink()
-    path.symlink_to("nowhere")
-
-
-def _short(path):
-    path.write_bytes(bytes(KEY_BYTES - 1))
-
-
-def _long(path):
-    path.write_bytes(bytes(KEY_BYTES + 1))
-
-
-def _folder(path):
-    path.unlink()
-    path.mkdir(mode=0o700)
-
-
-def _pipe(path):
-    path.unlink()
-    os.mkfifo(path, 0o600)
+def _instead(make):
+    return lambda path: (path.unlink(), make(path))
 
 
 @_POSIX
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (_open_to_others, "is open to other users"),
+        (lambda path: path.chmod(0o640), "is open to other users"),
         pytest.param(
-            _of_another,
+            lambda path: os.chown(path, 12345, -1),
             "belongs to another user",
             marks=pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives away"),
         ),
         (_link, "is a link"),
-        (_dangling, "is a link"),
-        (_short, "does not hold 32 bytes"),
-        (_long, "does not hold 32 bytes"),
-        (_folder, "is not a regular file"),
-        (_pipe, "is not a regular file"),
+        (_instead(lambda path: path.symlink_to("nowhere")), "is a link"),
+        (lambda path: path.write_bytes(bytes(KEY_BYTES - 1)), "does not hold 32 bytes"),
+        (lambda path: path.write_bytes(bytes(KEY_BYTES + 1)), "does not hold 32 bytes"),
+        (_instead(lambda path: path.mkdir(mode=0o700)), "is not a regular file"),
+        (_instead(lambda path: os.mkfifo(path, 0o600)), "is not a regular file"),
     ],
 )
 def test_a_key_that_others_may_know_or_have_put_there_is_none(spoil, words, tmp_path):
