@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from raytracer.core import spectra
-from raytracer.core.compiler.dispatch import entry
+from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.spectra import (
     FIRST,
     LAST,
@@ -19,27 +19,24 @@ from raytracer.core.spectra import (
     spectrum_of,
 )
 from raytracer.core.vec import dot
+from tests.vectorised import rows, vectorised
 
 WAVELENGTHS = np.arange(FIRST, LAST + 1.0, STEP)
 
 
-@entry
-def _draw(tables, u, number, result):
-    for index in range(len(u)):
-        result[index, 0], result[index, 1] = sample_hero_wavelength(tables, companion_number(u[index], number, 3))
+@kernel
+def _draw(tables, u, number):
+    return sample_hero_wavelength(tables, companion_number(u, number, 3))
 
 
-@entry
-def _tint(tables, wavelengths, rgb, result):
-    for index in range(len(wavelengths)):
-        result[index] = dot(basis_at(tables, wavelengths[index]), rgb)
+@kernel
+def _looked_up(tables, wavelength, rgb):
+    return response_at(tables, wavelength), dot(basis_at(tables, wavelength), rgb)
 
 
 def drawn(u, number=0):
     """Wavelengths (nm) and densities (1/nm) that numbers draw."""
-    result = np.empty((len(u), 2))
-    _draw(spectra.spectra(), u, number, result)
-    return result[:, 0], result[:, 1]
+    return vectorised(_draw)(spectra.spectra(), rows(u), number).T
 
 
 def test_the_tables_are_the_published_ones():
@@ -75,21 +72,16 @@ def test_the_response_is_that_of_linear_rec_709():
         np.testing.assert_allclose(linear, rgb, rtol=0.0, atol=4e-3)
 
 
-@pytest.mark.parametrize("wavelength", [FIRST, 412.0, 551.3, 623.9, LAST - 0.1])
-def test_kernels_look_up_what_python_does_between_the_entries_too(wavelength):
-    tables = spectra.spectra()
-    assert response_at(tables, wavelength) == pytest.approx(tuple(response(wavelength)), rel=1e-12)
-    assert dot(basis_at(tables, wavelength), (0.9, 0.2, 0.4)) == pytest.approx(
-        float(spectrum_of((0.9, 0.2, 0.4), wavelength)), rel=1e-12
-    )
+def test_kernels_look_up_what_python_does_between_the_entries_too():
+    waves, rgb = np.array([FIRST, 412.0, 551.3, 623.9, LAST - 0.1]), (0.9, 0.2, 0.4)
+    seen, tint = vectorised(_looked_up)(spectra.spectra(), rows(waves), rgb)
+    np.testing.assert_allclose(seen, response(waves), rtol=1e-12)
+    np.testing.assert_allclose(tint, spectrum_of(rgb, waves), rtol=1e-12)
 
 
 def test_grey_is_the_same_at_all_wavelengths():
-    wavelengths = np.linspace(FIRST, LAST, 1001)
-    np.testing.assert_allclose(spectrum_of((0.3, 0.3, 0.3), wavelengths), 0.3, rtol=1e-14)
-    result = np.empty_like(wavelengths)
-    _tint(spectra.spectra(), wavelengths, (0.3, 0.3, 0.3), result)
-    np.testing.assert_allclose(result, 0.3, rtol=1e-14)
+    waves = np.linspace(FIRST, LAST, 1001)
+    np.testing.assert_allclose(vectorised(_looked_up)(spectra.spectra(), rows(waves), (0.3,) * 3)[1], 0.3, rtol=1e-14)
 
 
 def test_spectra_of_colours_are_neither_negative_nor_beyond_all():
