@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytracer.core.compiler.declarations import declare_part
 from raytracer.core.compiler.dispatch import entry
@@ -58,9 +59,9 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
 
     def call(*arguments: Any) -> Any:
         count = next(len(values) for values in _all_rows(arguments))
-        # Column by column, so that what is not written takes no memory.
-        out = np.empty((_WORDS, count)).T
-        example = _fill(_tag(kernel), arguments, out)
+        example = _fill(_tag(kernel), arguments, _space(0, _WORDS))
+        out = _space(count, sum(1 for _ in _numbers(example)))
+        _fill(_tag(kernel), arguments, out)
         return _shaped(example, map(np.copy, out.T))
 
     return call
@@ -69,6 +70,19 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
 def random_draws(count: int, *, seed: int = 0, dimension: int = 8) -> Draws:
     """Random numbers for rows: sample after sample of one pixel."""
     return Draws(SAMPLERS["independent"](seed, 1), np.uint64(0x9E3779B97F4A7C15), rows(np.arange(count)), dimension)
+
+
+def _space(count: int, words: int) -> NDArray[np.float64]:
+    """Make rows for results; they have gaps, lest those of one row or of one column are of another type."""
+    return np.empty((max(words, 2), count + 1)).T[:count]
+
+
+def _numbers(example: Any) -> Iterator[Any]:
+    if isinstance(example, tuple):
+        for item in example:
+            yield from _numbers(item)
+    elif example is not None:
+        yield example
 
 
 @entry

@@ -84,6 +84,11 @@ def test_an_error_does_not_stick():
         Accel([Geometry(Primitive.SPHERE, (pad_buffer(np.zeros((1, 3)), np.float32),))], device=device)
     device.check()
     Accel([_triangle()], device=device)
+    # And what was refused is freed, too.
+    finalizer = device._finalizer
+    del device
+    gc.collect()
+    assert not finalizer.alive
 
 
 @pytest.mark.parametrize("rows", [np.zeros((3, 3)), np.zeros((3, 6), np.float32)[:, ::2]], ids=["float64", "with gaps"])
@@ -120,26 +125,16 @@ def test_scene_keeps_what_it_borrowed():
     )
 
 
-def test_a_refused_scene_is_freed_too():
-    device = Device()
-    finalizer = device._finalizer
-    with pytest.raises(EmbreeError):
-        Accel([Geometry(Primitive.SPHERE, (pad_buffer(np.zeros((1, 3)), np.float32),))], device=device)
-    del device
-    gc.collect()
-    assert not finalizer.alive
-
-
 def test_many_scenes_take_no_more_memory_than_a_few():
-    # A scene of 20,000 spheres takes over 1 MB; 200 of them that were not freed would take over 200.
+    # A scene of 20,000 spheres takes over 1 MB; 60 of them that were not freed would take over 60.
     table = _spheres(20_000, 3)
-    for _ in range(20):
+    for _ in range(10):
         built(table)
     gc.collect()
     before = peak_rss_bytes()
-    for _ in range(200):
+    for _ in range(60):
         built(table)
-    assert peak_rss_bytes() - before < 60e6
+    assert peak_rss_bytes() - before < 20e6
 
 
 # ---- Hits
@@ -244,18 +239,6 @@ def test_hits_are_those_of_a_search_in_float64(kind):
     assert (np.abs(hits.near[same] - nearest[same]) <= 4.0 * 2.0**-20 / grazing[same] ** 2).all()
 
 
-def test_several_tables_answer_by_their_place():
-    tables = tuple(make(50, seed) for seed, make in enumerate(TABLES.values()))
-    origins, directions = _rays(3000, 6)
-    hits = cast(tables, origins, directions)
-    distances = [
-        np.array([_distances(table, o, d).min() for o, d in zip(origins, directions, strict=True)]) for table in tables
-    ]
-    nearest = np.min(distances, axis=0)
-    expected = np.where(np.isfinite(nearest), np.argmin(distances, axis=0), -1)
-    assert (hits.table == expected).mean() > 0.999
-
-
 def test_triangles_are_hit_as_by_the_wheels_own_binding():
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -328,7 +311,7 @@ def test_packet_is_laid_out_as_embree_reads_it():
     assert np.shares_memory(room.floats, room.ints)
     assert (room.ints[:, embree.MASK] == 0xFFFFFFFF).all()
     assert room.floats.flags.c_contiguous
-    names = (
+    names = [
         "ORIGIN",
         "TNEAR",
         "DIRECTION",
@@ -343,7 +326,7 @@ def test_packet_is_laid_out_as_embree_reads_it():
         "PRIMITIVE",
         "GEOMETRY",
         "INSTANCE",
-    )
+    ]
     assert [getattr(embree, name) for name in names] == [0, 3, 4, 7, 8, 9, 10, 11, 12, 15, 16, 17, 18, 19]
 
 

@@ -30,33 +30,26 @@ def test_noise_is_no_firefly():
     assert find_fireflies(*picture(np.zeros((64, *SIZE)))) is None
 
 
-def test_one_sample_is_found_and_accounted_for():
+def test_samples_are_found_and_accounted_for():
     samples = noise()
     samples[7, 5, 9] = 6400.0
     fireflies = find_fireflies(*picture(samples))
-    assert fireflies is not None
     assert np.argwhere(fireflies.where).tolist() == [[5, 9]]
     assert fireflies.brightest == (5, 9)
     # It adds 6400 / 64 = 100 to what else is 0.5 * 24 * 32 = 384 of light.
     assert fireflies.light == pytest.approx(100.0 / 484.0, rel=0.01)
     # A sample at the limit adds a quarter of what is around, 0.5: limit / 64 = 0.125.
     assert fireflies.limit == pytest.approx(8.0, rel=0.2)
-
-
-def test_the_corner_and_all_of_several_are_found():
-    samples = noise()
-    for place in ((0, 0), (23, 31), (12, 16)):
+    for place in ((0, 0), (23, 31)):
         samples[3, *place] = 6400.0
     fireflies = find_fireflies(*picture(samples))
-    assert fireflies is not None
-    assert np.argwhere(fireflies.where).tolist() == [[0, 0], [12, 16], [23, 31]]
+    assert np.argwhere(fireflies.where).tolist() == [[0, 0], [5, 9], [23, 31]]
 
 
 def test_what_is_around_may_be_black():
     samples = np.zeros((64, *SIZE))
     samples[0, 10, 10] = 5.0
     fireflies = find_fireflies(*picture(samples))
-    assert fireflies is not None
     assert fireflies.pixels == 1
     assert fireflies.light == 1.0
     # There is nothing to tell a limit by.
@@ -89,7 +82,6 @@ def test_rare_light_everywhere_is_noise_and_no_firefly():
     rare = random.random(SIZE) < 1.0 / 300.0
     samples[0] += np.where(rare, 3000.0, 0.0)
     fireflies = find_fireflies(*picture(samples))
-    assert fireflies is not None
     np.testing.assert_array_equal(fireflies.where, rare)
 
 
@@ -115,7 +107,6 @@ def test_one_channel_is_enough():
     mean[5, 5, 1] += 100.0
     m2[5, 5, 1] += 100.0**2 * 64 * 63
     fireflies = find_fireflies(mean, m2, count)
-    assert fireflies is not None
     assert np.argwhere(fireflies.where).tolist() == [[5, 5]]
 
 

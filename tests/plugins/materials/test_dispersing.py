@@ -7,16 +7,16 @@ import pytest
 
 from raytracer.core.fresnel import fresnel_dielectric
 from raytracer.core.geometry import Site
-from raytracer.core.sampling import SAMPLERS, pixel_key
 from raytracer.core.spectra import TERMINATE_ON_HIT, TERMINATE_ON_REFRACTION, PathWavelengths, basis_at, spectra
 from raytracer.optics.glass import CATALOGUE, parse_glass
 from raytracer.plugins.materials.base.clear import eta_at, pack_dispersion
-from raytracer.plugins.materials.base.interface import Draws, row, scatter
+from raytracer.plugins.materials.base.interface import row
 from raytracer.plugins.materials.dielectric import Dielectric, DielectricRow
 from raytracer.plugins.materials.rough_dielectric import RoughDielectric
 from raytracer.plugins.materials.thin_dielectric import ThinDielectric
 from raytracer.plugins.textures.base.interface import ParameterPacker
-from tests.plugins.materials.kernels import UP, _scatter_many, evaluate_row, incoming
+from tests.plugins.materials.kernels import UP, evaluate_row, incoming, scatter_row
+from tests.vectorised import rows, vectorised
 
 WAVES = (450.0, 550.0, 650.0)
 
@@ -37,10 +37,8 @@ def row_of(spec, site, *others):
     return row(type(spec).pack([spec, *others], ParameterPacker()), 0, None, site)
 
 
-def scattered(material, direction, count, front=True):
-    outgoing, weight, pdf = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
-    _scatter_many(material, direction, UP, front, SAMPLERS["independent"](7, 1), outgoing, weight, pdf)
-    return outgoing, weight, pdf
+def scattered(material, direction, count, front=True, normal=UP):
+    return scatter_row(material, direction, count, front=front, seed=7, normal=normal)
 
 
 @pytest.mark.parametrize("wavelength", [400.0, 486.1327, 587.5618, 706.5188])
@@ -53,11 +51,9 @@ def test_a_prism_bends_light_by_the_formula_of_least_deviation(wavelength):
     direction = (math.sin(incidence), 0.0, -math.cos(incidence))
     within = next(tuple(out) for out in scattered(prism, direction, 100)[0] if out[2] < 0.0)
     second = (-math.sin(apex), 0.0, math.cos(apex))
-    draws = Draws(SAMPLERS["independent"](7, 1), pixel_key(SAMPLERS["independent"](7, 1), 0, 0), 0, 8)
-    inwards = tuple(-component for component in second)
-    assert np.dot(within, inwards) > 0.0
-    result = [scatter(prism, within, second, False, draws._replace(index=index)) for index in range(50)]
-    out = next(one.direction for one in result if np.dot(one.direction, second) < 0.0)
+    assert np.dot(within, second) < 0.0
+    result = scattered(prism, within, 50, False, second)[0]
+    out = result[result @ second < 0.0][0]
     deviation = math.acos(np.clip(np.dot(direction, out), -1.0, 1.0))
     # The table of indices is linear between half nanometres.
     assert deviation == pytest.approx(2.0 * incidence - apex, abs=3e-6)
@@ -68,7 +64,7 @@ def test_indices_between_those_of_the_table_are_right_to_a_millionth(name):
     dispersion = pack_dispersion([Dielectric(ior=name)])
     assert dispersion is not None
     wavelengths = np.random.default_rng(2).uniform(380.0, 780.0, 2000)
-    result = [eta_at(dispersion, 0, wavelength) for wavelength in wavelengths]
+    result = vectorised(eta_at)(dispersion, 0, rows(wavelengths))
     np.testing.assert_allclose(result, CATALOGUE[name].ior(wavelengths), rtol=0.0, atol=1e-6)
 
 
@@ -157,13 +153,6 @@ def test_boundaries_between_what_disperses():
     assert isinstance(wet, Dielectric)
     assert wet.eta(450.0) == pytest.approx(float(flint.ior(450.0)) / float(water.ior(450.0)), rel=1e-15)
     assert wet.as_boundary_to(parse_glass(1.0)).eta(450.0) == float(flint.ior(450.0))
-
-
-def test_a_plain_number_is_the_index_that_it_was():
-    for ior in (1.5, 1.33, 2.4, 1.0 / 3.0):
-        spec = Dielectric(ior=ior, outside_ior=1.1)
-        assert spec.eta() == ior / 1.1
-        assert not spec.disperses()
 
 
 def test_a_pane_has_one_index():

@@ -169,23 +169,32 @@ def test_smooth_glass_lets_light_straight_through():
     )
 
 
-def test_aiming_at_lights_is_for_what_can_be_lit():
-    assert spec().has_non_delta_bsdf()
-    assert spec(base_color=0.0, roughness=0.5).has_non_delta_bsdf()
-    assert spec(base_color=1.0, metallic=1.0, roughness=0.1).has_non_delta_bsdf()
-    assert not spec(base_color=1.0, metallic=1.0, roughness=0.0).has_non_delta_bsdf()
-    assert not spec(base_color=0.0, roughness=0.0).has_non_delta_bsdf()
-    assert not spec(base_color=0.0, specular=0.0).has_non_delta_bsdf()
-    assert not spec(base_color=0.9, transmission=1.0, roughness=0.0).has_non_delta_bsdf()
+@pytest.mark.parametrize(
+    ("parameters", "lit"),
+    [
+        ({}, True),
+        ({"base_color": 0.0, "roughness": 0.5}, True),
+        ({"base_color": 1.0, "metallic": 1.0, "roughness": 0.1}, True),
+        ({"base_color": 1.0, "metallic": 1.0, "roughness": 0.0}, False),
+        ({"base_color": 0.0, "roughness": 0.0}, False),
+        ({"base_color": 0.0, "specular": 0.0}, False),
+        ({"base_color": 0.9, "transmission": 1.0, "roughness": 0.0}, False),
+    ],
+)
+def test_aiming_at_lights_is_for_what_can_be_lit(parameters, lit):
+    assert spec(**parameters).has_non_delta_bsdf() == lit
 
 
-def test_emission_by_its_sides():
-    lamp = spec(emission=(1.0, 2.0, 3.0))
-    assert (emitted(lamp, True), emitted(lamp, False)) == ((1.0, 2.0, 3.0), (0.0, 0.0, 0.0))
-    both = spec(emission=(1.0, 2.0, 3.0), two_sided=True)
-    assert (emitted(both, True), emitted(both, False)) == ((1.0, 2.0, 3.0), (1.0, 2.0, 3.0))
-    assert (
-        spec().emitted_power(ParameterPacker()),
-        lamp.emitted_power(ParameterPacker()),
-        both.emitted_power(ParameterPacker()),
-    ) == (0.0, 6.0, 12.0)
+@pytest.mark.parametrize(
+    ("parameters", "front", "back", "power"),
+    [
+        ({}, 0.0, 0.0, 0.0),
+        ({"emission": (1, 2, 3)}, 1.0, 0.0, 6.0),
+        ({"emission": (1, 2, 3), "two_sided": True}, 1.0, 1.0, 12.0),
+    ],
+)
+def test_emission_by_its_sides(parameters, front, back, power):
+    lamp = spec(**parameters)
+    np.testing.assert_array_equal(emitted(lamp, True), front * np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(emitted(lamp, False), back * np.array([1.0, 2.0, 3.0]))
+    assert lamp.emitted_power(ParameterPacker()) == power

@@ -6,11 +6,9 @@ import numba
 import numpy as np
 import pytest
 
-from raytracer.core.compiler.dispatch import entry
 from raytracer.core.geometry import Site
-from raytracer.core.sampling import pixel_key
 from raytracer.plugins.materials.base.dispatch import select_at, select_for_shadow_ray, selected_emission
-from raytracer.plugins.materials.base.interface import PASSTHROUGH, Draws, split_random_number
+from raytracer.plugins.materials.base.interface import PASSTHROUGH, split_random_number
 from raytracer.plugins.materials.cutout import Cutout
 from raytracer.plugins.materials.emitter import Emitter
 from raytracer.plugins.materials.lambertian import Lambertian
@@ -19,6 +17,7 @@ from raytracer.plugins.textures.base.interface import ParameterPacker
 from raytracer.scene.pack.materials import collect_components, pack_materials, resolve_material
 from raytracer.scene.pack.scene import pack
 from tests.small_scenes import scene
+from tests.vectorised import random_draws, rows, vectorised
 
 HEAD = """
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}
@@ -33,24 +32,10 @@ SITE = Site((0.0, 0.0, 0.0), 0.5, 0.5, 1.0)
 COUNT = 40_000
 
 
-@entry
-def _chosen(scene, reference, front, site, again, result):
-    key = pixel_key(scene.sampler, 0, 0)
-    for index in range(len(result)):
-        draws = Draws(scene.sampler, key, index, 8)
-        if again:
-            result[index] = select_for_shadow_ray(scene.selectors, scene, reference, front, site, draws)
-        else:
-            result[index] = select_at(scene.selectors, scene, reference, front, site, draws)
-
-
-@entry
-def _shown(scene, reference, front, site, result):
-    key = pixel_key(scene.sampler, 0, 0)
-    for index in range(len(result)):
-        draws = Draws(scene.sampler, key, index, 8)
-        red, green, blue = selected_emission(scene.selectors, scene, reference, front, site, draws)
-        result[index, 0], result[index, 1], result[index, 2] = red, green, blue
+def asked(function, world, reference, front):
+    """What a function of the selectors gives for many random numbers."""
+    draws = random_draws(COUNT)._replace(sampler=world.sampler)
+    return vectorised(function)(world.selectors, world, reference, front, SITE, draws)
 
 
 def packed(material):
@@ -67,9 +52,8 @@ def shares(material, *, front=True):
     """Count how often each material shows: by albedo or radiance of its red, None for nothing."""
     world, reference = packed(material)
     measured = []
-    for again in (False, True):
-        result = np.empty(COUNT, np.int64)
-        _chosen(world, reference, front, SITE, again, result)
+    for choose in (select_at, select_for_shadow_ray):
+        result = asked(choose, world, reference, front)
         kinds = len(world.materials) + len(world.selectors.tables)
         counts = Counter(result.tolist())
         measured.append({})
@@ -83,36 +67,34 @@ def shares(material, *, front=True):
     return measured[0]
 
 
-def about(expected):
-    return pytest.approx(expected, abs=4.0 * 0.5 / np.sqrt(COUNT))
+SIDES = "{type: two_sided, front: clay, back: chalk}"
+NESTED = (
+    "{type: mixture, weight: 0.25, materials: [{type: cutout, opacity: 0.4, material: clay}, "
+    "{type: two_sided, front: {type: cutout, opacity: 0.5, material: chalk}, back: clay}]}"
+)
 
 
-def test_a_mixture_shows_each_by_its_weight():
-    assert shares("{type: mixture, materials: [clay, chalk], weight: 0.2}") == about({0.5: 0.8, 0.8: 0.2})
-
-
-def test_a_cutout_shows_as_much_as_is_there():
-    assert shares("{type: cutout, material: clay, opacity: 0.3}") == about({0.5: 0.3, None: 0.7})
-    assert shares("{type: cutout, material: clay, opacity: 0}") == {None: 1.0}
-    assert shares("{type: cutout, material: clay, opacity: 0.3, threshold: 0.5}") == {None: 1.0}
-    # What is as opaque as the threshold is there.
-    cells = "{type: checker, even: 0.5, odd: 0.25}"
-    assert shares(f"{{type: cutout, material: clay, opacity: {cells}, threshold: 0.5}}") == {0.5: 1.0}
-
-
-def test_two_sides():
-    both = "{type: two_sided, front: clay, back: chalk}"
-    assert shares(both, front=True) == {0.5: 1.0}
-    assert shares(both, front=False) == {0.8: 1.0}
-
-
-def test_selectors_within_selectors_multiply():
-    nested = (
-        "{type: mixture, weight: 0.25, materials: [{type: cutout, opacity: 0.4, material: clay}, "
-        "{type: two_sided, front: {type: cutout, opacity: 0.5, material: chalk}, back: clay}]}"
-    )
-    assert shares(nested) == about({0.5: 0.3, 0.8: 0.125, None: 0.575})
-    assert shares(nested, front=False) == about({0.5: 0.55, None: 0.45})
+@pytest.mark.parametrize(
+    ("material", "front", "expected"),
+    [
+        ("{type: mixture, materials: [clay, chalk], weight: 0.2}", True, {0.5: 0.8, 0.8: 0.2}),
+        ("{type: cutout, material: clay, opacity: 0.3}", True, {0.5: 0.3, None: 0.7}),
+        ("{type: cutout, material: clay, opacity: 0}", True, {None: 1.0}),
+        ("{type: cutout, material: clay, opacity: 0.3, threshold: 0.5}", True, {None: 1.0}),
+        # What is as opaque as the threshold is there.
+        (
+            "{type: cutout, material: clay, opacity: {type: checker, even: 0.5, odd: 0.25}, threshold: 0.5}",
+            True,
+            {0.5: 1},
+        ),
+        (SIDES, True, {0.5: 1.0}),
+        (SIDES, False, {0.8: 1.0}),
+        (NESTED, True, {0.5: 0.3, 0.8: 0.125, None: 0.575}),
+        (NESTED, False, {0.5: 0.55, None: 0.45}),
+    ],
+)
+def test_each_material_shows_by_its_share(material, front, expected):
+    assert shares(material, front=front) == pytest.approx(expected, abs=4.0 * 0.5 / np.sqrt(COUNT))
 
 
 @pytest.mark.parametrize(
@@ -128,8 +110,7 @@ def test_a_light_point_gives_the_mean_of_what_may_show(material, front, back):
     # What a light sample brings on average must be what paths find there on average.
     world, reference = packed(material)
     for side, expected in ((True, front), (False, back)):
-        result = np.empty((COUNT, 3))
-        _shown(world, reference, side, SITE, result)
+        result = asked(selected_emission, world, reference, side)
         np.testing.assert_allclose(result.mean(axis=0), np.array([1, 2, 3]) * expected, atol=3 * 2.0 / np.sqrt(COUNT))
 
 
@@ -185,13 +166,10 @@ def test_equal_parts_are_packed_once():
 
 
 def test_what_is_left_of_a_number_is_uniform():
-    u = (np.arange(1000) + 0.5) / 1000
-    hits = [split_random_number(float(value), 0.3) for value in u]
-    there = np.array([rest for hit, rest in hits if hit])
-    gone = np.array([rest for hit, rest in hits if not hit])
-    assert len(there) == 300
-    for rest in (there, gone):
+    hit, left = vectorised(split_random_number)(rows((np.arange(1000) + 0.5) / 1000), 0.3)
+    assert hit.sum() == 300
+    for rest in (left[hit], left[~hit]):
         np.testing.assert_allclose(rest, (np.arange(len(rest)) + 0.5) / len(rest), rtol=1e-9)
-    assert not split_random_number(0.0, 0.0)[0]
-    assert split_random_number(1.0 - 2.0**-53, 1.0)[0]
-    assert split_random_number(1.0 - 2.0**-53, 0.5)[1] < 1.0
+    hit, left = vectorised(split_random_number)(rows([0.0, *[1.0 - 2.0**-53] * 2]), rows([0.0, 1.0, 0.5]))
+    assert hit.tolist() == [False, True, False]
+    assert left[2] < 1.0
