@@ -14,37 +14,31 @@ from raytracer.core.compiler import cache
 from raytracer.core.compiler.dispatch import entry
 
 
-def _package(folder):
-    (folder / "core" / "sub").mkdir(parents=True)
-    (folder / "core" / "a.py").write_text("x = 1\n")
-    (folder / "core" / "sub" / "b.py").write_text("y = 1\n")
-    return folder
-
-
-def test_any_edited_source_makes_another_cache(tmp_path, monkeypatch):
+def test_sources_of_kernels_and_numba_make_another_cache_and_others_do_not(tmp_path, monkeypatch):
     # Numba looks at the file of the function it caches, not at those of the functions it calls.
-    package = _package(tmp_path / "package")
-    monkeypatch.setattr(cache, "_PACKAGE", package)
-    seen = {cache._source_hash()}
-    assert cache._source_hash() in seen
+    monkeypatch.setattr(cache, "_PACKAGE", tmp_path)
+    (tmp_path / "core" / "sub").mkdir(parents=True)
+    (tmp_path / "cli").mkdir()
+    a, b, c = (tmp_path / "core" / name for name in ("a.py", "sub/b.py", "sub/c.py"))
+    a.write_text("x = 1\n")
+    b.write_text("y = 1\n")
+    before = cache._source_hash()
+    (tmp_path / "cli" / "a.py").write_text("z = 1\n")
+    assert cache._source_hash() == before
+    # Without importing it: a kernel that is there needs no compiler.
+    numba = tmp_path / "numba" / "__init__.py"
+    numba.parent.mkdir()
+    numba.with_name("_version.py").write_text("version = '0.0.1'\n")
+    seen = {before}
     for change in (
-        lambda: (package / "core" / "sub" / "b.py").write_text("y = 2\n"),
-        (package / "core" / "sub" / "c.py").touch,
-        lambda: (package / "core" / "sub" / "c.py").rename(package / "core" / "c.py"),
+        lambda: b.write_text("y = 2\n"),
+        c.touch,
+        lambda: c.rename(a.with_name("c.py")),
+        lambda: monkeypatch.setattr("importlib.util.find_spec", lambda name: ModuleSpec(name, None, origin=str(numba))),
     ):
         change()
-        digest = cache._source_hash()
-        assert digest not in seen
-        seen.add(digest)
-
-
-def test_edits_above_the_kernels_leave_the_cache(tmp_path, monkeypatch):
-    package = _package(tmp_path / "package")
-    monkeypatch.setattr(cache, "_PACKAGE", package)
-    before = cache._source_hash()
-    (package / "cli").mkdir()
-    (package / "cli" / "a.py").write_text("z = 1\n")
-    assert cache._source_hash() == before
+        assert cache._source_hash() not in seen
+        seen.add(cache._source_hash())
 
 
 _COMPILES = re.compile(r"from raytracer\.core\.compiler\.\w+ import .*\b(kernel|entry|generic|each|switch|share)\b")
@@ -88,17 +82,6 @@ def _compiles(decorator):
 
 def _is_stored(name):
     return isinstance(name.ctx, ast.Store)
-
-
-def test_other_numba_versions_have_another_cache(tmp_path, monkeypatch):
-    monkeypatch.setattr(cache, "_PACKAGE", _package(tmp_path / "package"))
-    before = cache._source_hash()
-    other = tmp_path / "numba" / "__init__.py"
-    other.parent.mkdir()
-    other.with_name("_version.py").write_text("version = '0.0.1'\n")
-    # Without importing it: a kernel that is there needs no compiler.
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: ModuleSpec(name, None, origin=str(other)))
-    assert cache._source_hash() != before
 
 
 def test_the_processor_is_called_as_numba_calls_it(monkeypatch):

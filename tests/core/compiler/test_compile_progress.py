@@ -1,6 +1,5 @@
 """The progress of a compilation, and what is kept of it for the next."""
 
-import json
 import os
 from pathlib import Path
 
@@ -67,6 +66,15 @@ def test_what_is_no_record_is_as_none(content, folder):
     assert progress == CompileProgress(0, compile_progress._GUESS.parts, 0.0)
 
 
+def test_nobody_waits_for_an_entry_of_a_few_parts(folder, clock):
+    compilation = Compilation()
+    with compilation.of("small"):
+        compilation.add_part()
+        compilation.link()
+        clock[0] = 1.0
+    assert not list(folder.parent.rglob("small*"))
+
+
 def test_a_compilation_that_fails_is_over():
     compilation = Compilation()
     with pytest.raises(ValueError, match="no kernel"), compilation.of("render_tile"):
@@ -115,14 +123,3 @@ def test_a_cache_that_keeps_nothing_is_an_error(folder, monkeypatch):
     monkeypatch.setattr("raytracer.core.compiler.cache.CACHE_FOLDER", Path(__file__) / "kernels")
     with pytest.raises(InputError, match="compiled kernels cannot be kept there; RAYTRACER_CACHE_DIR names another"):
         check_cache()
-
-
-def test_a_record_is_json_that_others_can_read(folder, clock):
-    compilation = Compilation()
-    with compilation.of("small"):
-        compilation.add_part()
-        compilation.link()
-        clock[0] = 1.0
-    # Nobody waits for an entry of a few parts.
-    assert not list(folder.parent.rglob("small*"))
-    assert json.loads(json.dumps(compile_progress._GUESS)) == list(compile_progress._GUESS)

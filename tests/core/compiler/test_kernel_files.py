@@ -42,11 +42,30 @@ def keys(tmp_path_factory, monkeypatch):
     return folder
 
 
-def test_what_was_saved_is_loaded_by_any_process(tmp_path):
+def test_what_was_saved_is_loaded_by_any_process_and_executed(tmp_path, tmp_path_factory, monkeypatch, keys):
     assert files(tmp_path).load(KEY) is None
     files(tmp_path).save(KEY, [1, 2])
     assert files(tmp_path).load(KEY) == [1, 2]
     assert files(tmp_path).load(OTHER) is None
+    # Those who find it there hold nothing up.
+    with files(tmp_path).compile_lock(KEY), files(tmp_path).compile_lock(KEY):
+        pass
+    # Signing keys that share a folder do not undo each other's work.
+    monkeypatch.setenv("RAYTRACER_KEY_DIR", str(tmp_path_factory.mktemp("others")))
+    assert files(tmp_path).load(KEY) is None
+    files(tmp_path).save(KEY, "another's")
+    monkeypatch.setenv("RAYTRACER_KEY_DIR", str(keys))
+    assert files(tmp_path).load(KEY) == [1, 2]
+    # Otherwise the tests below could not fail.
+    _trapped(tmp_path / "trapped").load(KEY)
+    assert (tmp_path / "trapped" / "sprung").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_no_error(tmp_path):
+    (tmp_path / "kernels").touch()
+    with files(tmp_path).compile_lock(KEY):
+        files(tmp_path).save(KEY, "machine code")
+        assert files(tmp_path).load(KEY) is None
 
 
 def at_once(action, arguments):
@@ -127,12 +146,6 @@ def _trapped(folder):
 _POSIX = pytest.mark.skipif(sys.platform == "win32", reason="modes say nothing there")
 
 
-def test_what_is_trusted_is_executed(tmp_path):
-    # Otherwise the tests below could not fail.
-    _trapped(tmp_path).load(KEY)
-    assert (tmp_path / "sprung").exists()
-
-
 FORGED = {
     # The format of old, and that of today with a checksum, which anybody can make; and right but for the key.
     "unsigned": lambda path, content: b"rt kernel 1\n" + hashlib.sha256(content).digest() + content,
@@ -167,16 +180,6 @@ def test_a_cache_that_came_with_an_archive_runs_nothing(forged, tmp_path, monkey
     # What was compiled anew has taken its place.
     assert path.read_bytes() != attack
     assert run() == (1.5, 1)
-
-
-def test_keys_that_share_a_folder_do_not_undo_each_others_work(tmp_path, tmp_path_factory, monkeypatch, keys):
-    files(tmp_path).save(KEY, "mine")
-    monkeypatch.setenv("RAYTRACER_KEY_DIR", str(tmp_path_factory.mktemp("others")))
-    assert files(tmp_path).load(KEY) is None
-    files(tmp_path).save(KEY, "another's")
-    assert files(tmp_path).load(KEY) == "another's"
-    monkeypatch.setenv("RAYTRACER_KEY_DIR", str(keys))
-    assert files(tmp_path).load(KEY) == "mine"
 
 
 def _made(path, make):
@@ -332,21 +335,6 @@ def test_who_is_killed_while_compiling_holds_nobody_up(tmp_path, monkeypatch):
     with files(tmp_path).compile_lock(KEY):
         files(tmp_path).save(KEY, "machine code")
     assert files(tmp_path).load(KEY) == "machine code"
-
-
-def test_those_who_find_it_there_hold_nothing_up(tmp_path):
-    store = files(tmp_path)
-    store.save(KEY, "machine code")
-    with store.compile_lock(KEY), files(tmp_path).compile_lock(KEY):
-        assert files(tmp_path).load(KEY) == "machine code"
-
-
-def test_a_folder_that_cannot_be_made_is_no_error(tmp_path):
-    (tmp_path / "kernels").touch()
-    store = files(tmp_path)
-    with store.compile_lock(KEY):
-        store.save(KEY, "machine code")
-        assert store.load(KEY) is None
 
 
 def test_an_edited_module_outside_of_the_package_is_compiled_anew(tmp_path, monkeypatch):

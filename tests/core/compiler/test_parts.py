@@ -150,21 +150,11 @@ def test_parts_with_other_types_or_options_have_other_keys():
 
     here, there = _Pair, NamedTuple("_Pair", [("x", float), ("y", float)])
     there.__module__ = "elsewhere"
-    two = [types.float64] * 2
-    seen = [
-        types.float64,
-        types.int64,
-        types.literal(1),
-        types.literal(2),
-        types.none,
-        types.UniTuple(types.float64, 2),
-        types.StarArgTuple.from_types(two),
-        types.NamedUniTuple(types.float64, 2, here),
-        types.NamedUniTuple(types.float64, 2, there),
-        types.Array(types.float64, 2, "C"),
-        types.Array(types.float64, 2, "A"),
-        types.Array(types.float64, 2, "C", readonly=True),
-    ]
+    number, tuples = types.float64, types.NamedUniTuple
+    arrays = (types.Array(number, 2, "C"), types.Array(number, 2, "A"), types.Array(number, 2, "C", readonly=True))
+    plain = (number, types.int64, types.literal(1), types.literal(2), types.none)
+    pairs = (types.UniTuple(number, 2), types.StarArgTuple.from_types([number] * 2), tuples(number, 2, here))
+    seen = [*plain, *pairs, tuples(number, 2, there), *arrays]
     keys = [part_key(_plus, (seen_type,), inline=inline) for seen_type in seen for inline in (True, False)]
     assert None not in keys
     assert len(set(keys)) == len(keys)

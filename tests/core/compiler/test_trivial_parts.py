@@ -1,7 +1,6 @@
 """Parts that return nothing, an argument or a constant are not compiled, and mean the same."""
 
 import math
-from typing import NamedTuple
 
 import pytest
 
@@ -10,10 +9,6 @@ from raytracer.core.compiler.dispatch import entry, kernel, optional
 from raytracer.core.compiler.parts import trivial_part
 
 NOTHING_FITS = (math.nan, -1.0, 0.5)
-
-
-class Fog(NamedTuple):
-    density: float
 
 
 @optional
@@ -40,11 +35,6 @@ def vector(fog, light):
 @optional
 def answer(fog, light):
     return False
-
-
-@optional
-def more(fog, light):
-    return light + 1.0
 
 
 @kernel
@@ -80,6 +70,10 @@ def loop(light):
     return light
 
 
+def more(fog, light):
+    return light + 1.0
+
+
 def both(fog, light):
     return fog, light
 
@@ -92,7 +86,7 @@ def part(fog, light):
     ("function", "trivial"),
     [
         *((function.dispatch(type(None)), True) for function in (nothing, same, number, vector, answer)),
-        *((function, False) for function in (more.dispatch(type(None)), both, part, doubled.__wrapped__, loop)),
+        *((function, False) for function in (more, both, part, doubled.__wrapped__, loop)),
     ],
 )
 def test_functions_that_only_return_something_are_trivial_and_no_others(function, trivial):
