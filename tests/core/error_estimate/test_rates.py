@@ -208,7 +208,7 @@ def test_halving_is_the_power_of_the_replicates(rate, penalty):
 
 
 def test_the_mean_of_replicates_of_the_sampler_of_renders_is_worse_by_the_halving():
-    points = draw_2d(Sobol(7), RUNS, 256)[:, :, 0]
+    points = draw_2d(Sobol(7), 20_000, 256)[:, :, 0]
     values = _edge(points[..., 0], points[..., 1])
     values -= values.mean()
     spp = 2 ** np.arange(3, 9)

@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.analysis.explain import explain
-from raytracer.core.primitives.triangles import DeformingTriangles
 from raytracer.core.shutter.table import Shutter
 from raytracer.rendering.render import render
 from raytracer.scene.pack.scene import pack
@@ -344,20 +343,6 @@ def frames_in(folder, *sizes):
     return ", ".join(f"{{time: {number / 2}, file: {number}.obj}}" for number in range(len(sizes)))
 
 
-@pytest.mark.slow
-def test_a_square_that_grows_is_as_bright_as_its_mean_area(tmp_path):
-    """Half edges 0.5 to 1 to 0.5: the mean of (2 s)^2 is 4 (0.25 + 0.5 + 1) / 3 = 7/3."""
-    frames = frames_in(tmp_path, 0.5, 1.0, 0.5)
-    text = f"""camera: {{type: orthographic, look_from: [0, 0, 5], look_at: [0, 0, 0], height: 4, shutter: 1}}
-objects:
-  - {{type: mesh, frames: [{frames}], {LAMP}}}
-"""
-    spec = scene(text, filled=False, width=32, height=32, spp=256, max_depth=1, sampler="sobol", base=tmp_path)
-    assert isinstance(pack(spec).scene.primitives[0], DeformingTriangles)
-    picture = render(spec, threads=2).image.radiance[..., 0]
-    assert picture.sum() * (4 / 32) ** 2 == pytest.approx(7 / 3, rel=5e-4)
-
-
 def test_frames_that_do_not_differ_in_the_shutter_are_a_mesh(tmp_path):
     frames = frames_in(tmp_path, 0.5, 0.5, 1.0)
     camera = "camera: {type: pinhole, look_from: [0, 0, 5], look_at: [0, 0, 0]"
@@ -376,28 +361,3 @@ def test_the_bouncing_scene_is_what_its_script_writes(tmp_path):
     script = scenes / "generate" / "bouncing.py"
     subprocess.run([sys.executable, str(script), str(tmp_path / "again.yaml")], check=True)
     assert (tmp_path / "again.yaml").read_bytes() == (scenes / "bouncing.yaml").read_bytes()
-
-
-@pytest.mark.slow
-def test_a_furnace_of_things_that_move_stays_white():
-    """Albedo 1 in a uniform environment of 1: every path brings 1, wherever what it meets has gone meanwhile."""
-    text = """camera: {type: pinhole, look_from: [0, 0, 5], vfov: 60, shutter: 1, motion: {velocity: [0, 1, 0]}}
-environment: {type: constant, radiance: 1}
-materials: {white: {type: lambertian, albedo: 1}}
-objects:
-  - {type: sphere, center: [0, 0, 0], radius: 1, material: white, motion: {velocity: [1, 0, 0]}}
-  - type: box
-    min: [-2, -1, -1]
-    max: [-1.2, 1, 1]
-    material: white
-    motion: {spin: {axis: [0, 1, 0], rate: 200, center: [-1.6, 0, 0]}}
-  - {type: disc, center: [0, -1.5, 0], normal: [0, 1, 0], radius: 4, material: white, motion: {velocity: [0, -0.2, 0]}}
-"""
-    picture = {}
-    for threads in (1, 3):
-        spec = scene(text, filled=False, width=24, height=24, spp=32, max_depth=2000)
-        result = render(spec, seed=2, threads=threads)
-        assert result.stats.nan_samples == 0
-        picture[threads] = result.image.radiance
-    np.testing.assert_allclose(picture[1], 1.0, atol=1e-12)
-    np.testing.assert_array_equal(picture[1], picture[3])

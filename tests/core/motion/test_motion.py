@@ -178,19 +178,6 @@ def test_poses_of_a_changing_scale_come_close_to_their_product_with_a_transform(
     )
 
 
-def test_a_point_that_spins_keeps_its_distance():
-    """Unlike on 16 straight pieces, where it comes nearer by 1 - cos(11.25 deg) = 1.9 %."""
-    spinning = motion(spin={"axis": [0, 0, 1], "rate": 360})
-    placed = resolve_motion(spinning, EYE, Shutter(0.0, 1.0))
-    assert isinstance(placed, Moving)
-    times = np.random.default_rng(2).random(200)
-    matrices = poses(placed.trajectory, times)
-    where = matrices[:, :, 0] + matrices[:, :, 3]
-    np.testing.assert_allclose(np.linalg.norm(where, axis=1), 1.0, atol=1e-14)
-    angles = np.arctan2(where[:, 1], where[:, 0])
-    np.testing.assert_allclose(np.cos(angles - 2 * math.pi * times), 1.0, atol=1e-12)
-
-
 @pytest.mark.parametrize("turns", [42.6, 42.7, 1000.0])
 def test_more_turns_than_steps_can_tell_apart_are_refused(turns):
     spinning = motion(spin={"axis": [0, 0, 1], "rate": f"{turns} turn/s"})

@@ -317,10 +317,3 @@ def test_an_albedo_is_what_smooth_metal_reflects_at_normal_incidence():
     np.testing.assert_allclose(weight[0], (0.9, 0.5, 0.1), rtol=1e-14)
     _, weight, _ = scatter_many(RoughConductor(albedo=(0.9, 0.5, 0.1), roughness=0.0), (1.0, 0.0, 0.0), 1)
     np.testing.assert_allclose(weight[0], 1.0, rtol=1e-14)
-
-
-def test_light_between_mirrors_deepens_the_colour_of_rough_metal():
-    # Each further mirror takes its part: what is added to green and blue of gold, by red, falls with their reflectance.
-    smooth, rough = (albedo(RoughConductor(metal="gold", roughness=roughness), 30.0) for roughness in (0.1, 1.0))
-    assert (rough[1:] / rough[0] < 0.97 * smooth[1:] / smooth[0]).all()
-    assert (rough < smooth).all()

@@ -20,33 +20,11 @@ from tests.plugins.shapes.kernels import cast, pdf_of, sample, uniform_direction
 
 Array = NDArray[np.float64]
 
-TETRAHEDRON = """
-v 0 0 0
-v 1.5 0 0
-v 0 1 0
-v 0 0 2
-f 1 3 2
-f 1 2 4
-f 1 4 3
-f 2 3 4
-"""
-
-OCTAHEDRON = """
-v 1 0 0
-v -1 0 0
-v 0 1 0
-v 0 -1 0
-v 0 0 1
-v 0 0 -1
-f 1 3 5
-f 3 2 5
-f 2 4 5
-f 4 1 5
-f 3 1 6
-f 2 3 6
-f 4 2 6
-f 1 4 6
-"""
+TETRAHEDRON = [[0, 0, 0], [1.5, 0, 0], [0, 1, 0], [0, 0, 2]], [[1, 3, 2], [1, 2, 4], [1, 4, 3], [2, 3, 4]]
+OCTAHEDRON = (
+    [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]],
+    [[1, 3, 5], [3, 2, 5], [2, 4, 5], [4, 1, 5], [3, 1, 6], [2, 3, 6], [4, 2, 6], [1, 4, 6]],
+)
 
 
 class Example(NamedTuple):
@@ -109,11 +87,8 @@ def _box_area(matrix):
     return float(2.0 * sum(np.linalg.norm(np.cross(a, b)) for a, b in ((x, y), (y, z), (z, x))))
 
 
-def _mesh_area(text):
-    rows = [line.split() for line in text.split("\n") if line]
-    vertices = np.array([list(map(float, row[1:])) for row in rows if row[0] == "v"])
-    faces = [[int(i) - 1 for i in row[1:]] for row in rows if row[0] == "f"]
-    return lambda matrix: sum(_polygon_area(*vertices[face])(matrix) for face in faces)
+def _mesh_area(vertices, faces):
+    return lambda matrix: sum(_polygon_area(*np.array(vertices)[np.array(face) - 1])(matrix) for face in faces)
 
 
 _TETRAHEDRON_FACES = _faces(
@@ -157,11 +132,11 @@ EXAMPLES = {
     ),
     "mesh": Example(
         {"type": "mesh", "file": "tetrahedron.obj"},
-        _TETRAHEDRON_FACES, np.array([0.2, 0.2, 0.2]), _mesh_area(TETRAHEDRON), False,
+        _TETRAHEDRON_FACES, np.array([0.2, 0.2, 0.2]), _mesh_area(*TETRAHEDRON), False,
     ),
     "smooth mesh": Example(
         {"type": "mesh", "file": "octahedron.obj", "smooth": True},
-        _OCTAHEDRON_FACES, np.zeros(3), _mesh_area(OCTAHEDRON), False,
+        _OCTAHEDRON_FACES, np.zeros(3), _mesh_area(*OCTAHEDRON), False,
     ),
 }  # fmt: skip
 
@@ -190,8 +165,9 @@ every_shape = pytest.mark.parametrize(("name", "transform"), CASES)
 @pytest.fixture
 def lower(tmp_path):
     """Makes an example's table and matrix."""
-    (tmp_path / "tetrahedron.obj").write_text(TETRAHEDRON)
-    (tmp_path / "octahedron.obj").write_text(OCTAHEDRON)
+    for name, mesh in (("tetrahedron", TETRAHEDRON), ("octahedron", OCTAHEDRON)):
+        lines = (f"{kind} {a} {b} {c}\n" for kind, rows in zip("vf", mesh, strict=True) for a, b, c in rows)
+        (tmp_path / f"{name}.obj").write_text("".join(lines))
 
     def lower(name, transform, material=7):
         keys = {**EXAMPLES[name].keys, "transform": transform}
