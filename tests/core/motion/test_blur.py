@@ -163,6 +163,11 @@ STILL_KEYS = {
         ", shutter: {open: -2, close: -1}",
         "motion: {keyframes: [{time: 0, transform: []}, {time: 1, transform: [{scale: 2}]}]}",
     ),
+    "after it ended": (
+        ", shutter: {open: 2, close: 3}",
+        "motion: {keyframes: [{time: 0, transform: [{scale: 2}]}, {time: 1, transform: []}]}",
+    ),
+    "equal poses": (", shutter: 1", "motion: {keyframes: [{time: 0, transform: []}, {time: 1, transform: []}]}"),
     "a shutter alone": (", shutter: {open: -2, close: -1}",),
     "no time": (", shutter: {duration: 0, opening: trapezoid, ramp: 0}",),
     "a scan of what rests": (

@@ -104,22 +104,6 @@ def test_keyframes_turn_along_the_shorter_arc():
 # ---- What becomes of a motion in a shutter
 
 TURNED, MIRRORED = random_affine(3), random_affine(4)
-RESTING = [
-    ("no motion", None, Shutter(0.0, 1.0)),
-    ("no velocity", motion(velocity=[0, 0, 0]), Shutter(0.0, 1.0)),
-    ("no rate", motion(spin={"axis": [0, 0, 1], "rate": 0}), Shutter(0.0, 1.0)),
-    ("a moment", motion(velocity=[1, 2, 3], spin={"axis": [0, 0, 1], "rate": 90}), Shutter(0.0, 0.0)),
-    ("not yet", keyed((2.0, []), (3.0, [{"translate": [1, 0, 0]}])), Shutter(0.0, 2.0)),
-    ("no more", keyed((-2.0, [{"scale": 2}]), (-1.0, [])), Shutter(-1.0, 1.0)),
-    ("equal poses", keyed((0.0, []), (0.3, []), (1.0, [])), Shutter(0.0, 1.0)),
-]
-
-
-@pytest.mark.parametrize(("name", "moving", "shutter"), RESTING)
-def test_what_moves_nothing_hands_back_the_transform_with_its_bits(name, moving, shutter):
-    placed = resolve_motion(moving, TURNED, shutter)
-    assert isinstance(placed, Static)
-    assert placed.matrix.tobytes() == TURNED.tobytes()
 
 
 def test_a_pose_that_is_held_is_baked():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from numpy.typing import NDArray
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from raytracer.core.shutter.spec import ShutterField, exposure_timing
 from raytracer.core.shutter.table import Pulses, Shutter, pulse_interval
@@ -73,47 +73,37 @@ def test_what_is_transmitted_between_two_times_is_the_integral(name):
 
 
 @pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"duration": 1, "close": 1}, "duration and close both say"),
-        ({"duration": 1, "opening": "trapezoid"}, "ramp: is missing|is missing: a trapezoid needs"),
-        ({"duration": 1, "opening": "trapezoid", "ramp": 2}, "must be at most the duration, 1 s, got 2 s"),
-        ({"duration": 1, "ramp": 0.1}, "belongs to `opening: trapezoid`"),
-        ({"duration": 1, "opening": [[0, 1], [1, 1]]}, "leave this out"),
-        ({"opening": [[0, 1], [0, 1]]}, "must be later than the point before"),
-        ({"opening": [[0, 0], [1, 0]]}, "lets no light through"),
-        ({"opening": [[0, 0], [1, 2]]}, "must be at most 1"),
-        ({"opening": [[0, 0], [1]]}, "must be a time and a transmission"),
-        ({"opening": "slow", "duration": 1}, "must be instant or trapezoid"),
-    ],
-)
-def test_what_is_no_shutter_is_named(keys, words):
-    with pytest.raises(ValidationError, match=words):
-        timing(keys)
-
-
-@pytest.mark.parametrize(
     ("keys", "time", "words"),
     [
+        ({"duration": 1, "close": 1}, None, "duration and close both say"),
+        ({"duration": 1, "opening": "trapezoid"}, None, "ramp: is missing|is missing: a trapezoid needs"),
+        ({"duration": 1, "opening": "trapezoid", "ramp": 2}, None, "must be at most the duration, 1 s, got 2 s"),
+        ({"duration": 1, "ramp": 0.1}, None, "belongs to `opening: trapezoid`"),
+        ({"duration": 1, "opening": [[0, 1], [1, 1]]}, None, "leave this out"),
+        ({"opening": [[0, 1], [0, 1]]}, None, "must be later than the point before"),
+        ({"opening": [[0, 0], [1, 0]]}, None, "lets no light through"),
+        ({"opening": [[0, 0], [1, 2]]}, None, "must be at most 1"),
+        ({"opening": [[0, 0], [1]]}, None, "must be a time and a transmission"),
+        ({"opening": "slow", "duration": 1}, None, "must be instant or trapezoid"),
+        ({"duration": 0.5, "open": 1.5}, 2.0, "give one"),
+        # Too late for how short it opens.
         ("1 ns", 1e9, "is open for 1e-09 s, too short to be told from none at a time of 1e[+]09 s"),
         ({"open": 1e30, "duration": 1}, None, "is open for 1 s"),
         ({"opening": [[0, 0], [1e-9, 1]]}, 1e9, "is open for 1e-09 s"),
         ({"duration": 0, "readout": 1e-9}, 1e9, "is read out for 1e-09 s"),
     ],
 )
-def test_a_shutter_too_late_for_how_short_it_opens_is_refused(keys, time, words):
+def test_what_is_no_shutter_is_named(keys, time, words):
     with pytest.raises(ValueError, match=words):
         timing(keys, time)
-    # Not what is open for no time, nor what ends before anybody could tell.
-    assert timing({"open": 1e9, "close": 1e9}).span() == Shutter(1e9, 1e9)
-    assert timing({"duration": 1, "readout": 1e-20}).span() == Shutter(0.0, 1.0)
 
 
 def test_a_duration_opens_at_the_cameras_time_or_at_its_own():
     assert timing({"duration": 0.5}, time=2.0).span() == Shutter(2.0, 2.5)
     assert timing({"duration": 0.5, "open": 1.5}).span() == Shutter(1.5, 2.0)
-    with pytest.raises(ValueError, match="give one"):
-        timing({"duration": 0.5, "open": 1.5}, time=2.0)
+    # What is open for no time is not too late for it, nor what ends before anybody could tell.
+    assert timing({"open": 1e9, "close": 1e9}).span() == Shutter(1e9, 1e9)
+    assert timing({"duration": 1, "readout": 1e-20}).span() == Shutter(0.0, 1.0)
 
 
 # ---- Times that are drawn
