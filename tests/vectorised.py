@@ -50,7 +50,8 @@ def rows(values: Any) -> Any:
     Integers and truth values stay what they are; all else is float64.
     """
     array = np.asarray(values)
-    array = np.ascontiguousarray(array, array.dtype if array.dtype.kind in "iub" else np.float64)
+    # A copy: whether an array may be written is part of its type, and each type would be compiled.
+    array = np.array(array, array.dtype if array.dtype.kind in "iub" else np.float64, order="C")
     return Numbers(array) if array.ndim == 1 else {2: Pairs, 3: Triples}[array.shape[1]](array)
 
 
