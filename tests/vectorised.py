@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytracer.core.compiler.declarations import declare_part
 from raytracer.core.compiler.dispatch import entry
@@ -49,7 +50,8 @@ def rows(values: Any) -> Any:
     Integers and truth values stay what they are; all else is float64.
     """
     array = np.asarray(values)
-    array = np.ascontiguousarray(array, array.dtype if array.dtype.kind in "iub" else np.float64)
+    # A copy: whether an array may be written is part of its type, and each type would be compiled.
+    array = np.array(array, array.dtype if array.dtype.kind in "iub" else np.float64, order="C")
     return Numbers(array) if array.ndim == 1 else {2: Pairs, 3: Triples}[array.shape[1]](array)
 
 
@@ -58,9 +60,10 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
 
     def call(*arguments: Any) -> Any:
         count = next(len(values) for values in _all_rows(arguments))
-        out = np.empty((count, _WORDS))
-        example = _fill(_tag(kernel), arguments, out)
-        return _shaped(example, iter(out.T.copy()))
+        example = _fill(_tag(kernel), arguments, _space(0, _WORDS))
+        out = _space(count, sum(1 for _ in _numbers(example)))
+        _fill(_tag(kernel), arguments, out)
+        return _shaped(example, map(np.copy, out.T))
 
     return call
 
@@ -68,6 +71,19 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
 def random_draws(count: int, *, seed: int = 0, dimension: int = 8) -> Draws:
     """Random numbers for rows: sample after sample of one pixel."""
     return Draws(SAMPLERS["independent"](seed, 1), np.uint64(0x9E3779B97F4A7C15), rows(np.arange(count)), dimension)
+
+
+def _space(count: int, words: int) -> NDArray[np.float64]:
+    """Make rows for results; they have gaps, lest those of one row or of one column are of another type."""
+    return np.empty((max(words, 2), count + 1)).T[:count]
+
+
+def _numbers(example: Any) -> Iterator[Any]:
+    if isinstance(example, tuple):
+        for item in example:
+            yield from _numbers(item)
+    elif example is not None:
+        yield example
 
 
 @entry
@@ -120,16 +136,31 @@ def _generated(text: str, **names: Any) -> Callable[..., Any]:
     return names["generated"]  # type: ignore[no-any-return]
 
 
+# These are what the interpreter calls, under NUMBA_DISABLE_JIT.
+
+
 def _apply(tag, arguments, index):
-    raise NotImplementedError
+    return _kernels[type(tag)](*(_row(argument, index) for argument in arguments))
 
 
 def _row(argument, index):
-    raise NotImplementedError
+    if isinstance(argument, Numbers):
+        return argument.values[index]
+    if isinstance(argument, Pairs | Triples):
+        return tuple(argument.values[index])
+    if not any(True for _ in _all_rows((argument,))):
+        return argument
+    items = (_row(item, index) for item in argument)
+    return tuple(items) if type(argument) is tuple else type(argument)(*items)
 
 
 def _store(value, out, index, column):
-    raise NotImplementedError
+    if not isinstance(value, tuple):
+        out[index, column] = np.nan if value is None else value
+        return column + (value is not None)
+    for item in value:
+        column = _store(item, out, index, column)
+    return column
 
 
 def _choose_apply(tag: Any, arguments: Any, index: Any) -> Callable[..., Any]:
