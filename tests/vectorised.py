@@ -58,16 +58,18 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
 
     def call(*arguments: Any) -> Any:
         count = next(len(values) for values in _all_rows(arguments))
-        out = np.empty((count, _WORDS))
+        # Column by column, so that what is not written takes no memory.
+        out = np.empty((_WORDS, count)).T
         example = _fill(_tag(kernel), arguments, out)
-        return _shaped(example, iter(out.T.copy()))
+        return _shaped(example, map(np.copy, out.T))
 
     return call
 
 
-def random_draws(count: int, *, seed: int = 0, dimension: int = 8) -> Draws:
+def random_draws(count: int, *, seed: int = 0, dimension: int = 8, sampler: str = "independent") -> Draws:
     """Random numbers for rows: sample after sample of one pixel."""
-    return Draws(SAMPLERS["independent"](seed, 1), np.uint64(0x9E3779B97F4A7C15), rows(np.arange(count)), dimension)
+    chosen = SAMPLERS[sampler](seed, count if sampler != "independent" else 1)
+    return Draws(chosen, np.uint64(0x9E3779B97F4A7C15), rows(np.arange(count)), dimension)
 
 
 @entry
@@ -120,16 +122,31 @@ def _generated(text: str, **names: Any) -> Callable[..., Any]:
     return names["generated"]  # type: ignore[no-any-return]
 
 
+# These are what the interpreter calls, under NUMBA_DISABLE_JIT.
+
+
 def _apply(tag, arguments, index):
-    raise NotImplementedError
+    return _kernels[type(tag)](*(_row(argument, index) for argument in arguments))
 
 
 def _row(argument, index):
-    raise NotImplementedError
+    if isinstance(argument, Numbers):
+        return argument.values[index]
+    if isinstance(argument, Pairs | Triples):
+        return tuple(argument.values[index])
+    if not any(True for _ in _all_rows((argument,))):
+        return argument
+    items = (_row(item, index) for item in argument)
+    return tuple(items) if type(argument) is tuple else type(argument)(*items)
 
 
 def _store(value, out, index, column):
-    raise NotImplementedError
+    if not isinstance(value, tuple):
+        out[index, column] = np.nan if value is None else value
+        return column + (value is not None)
+    for item in value:
+        column = _store(item, out, index, column)
+    return column
 
 
 def _choose_apply(tag: Any, arguments: Any, index: Any) -> Callable[..., Any]:

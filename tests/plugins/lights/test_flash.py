@@ -15,7 +15,7 @@ from raytracer.rendering.render import render
 from raytracer.scene.pack.scene import pack
 from raytracer.schema.registry import LIGHTS
 from raytracer.util.errors import SceneError
-from tests.plugins.lights.kernels import arriving_at_times
+from tests.plugins.lights.kernels import aim
 from tests.small_scenes import scene
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def test_of_many_flashes_those_are_chosen_that_shine() -> None:
     strobe.append(flash(position=[0, 2, 0], energy=[0.0, 400.0, 0.0], duration="0.1 s"))
     result = FLASH.pack([light.at_exposure(Timing(0.0, 1.25), PLACE, True) for light in strobe])
     times = np.random.default_rng(0).uniform(0, 1.25, 200_000)
-    weight = arriving_at_times(Lights((result,), None), (0.0, 0.0, 0.0), times)
+    weight = aim(Lights((result,), None), None, (0.0, 0.0, 0.0), len(times), times=times).weight
     number = np.floor(12.5 * times).astype(int)
     for n in range(1, 10):
         # Energy over time and distance squared, without noise.
