@@ -7,7 +7,6 @@ that moment would be wide.
 """
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +28,7 @@ FAR = 1e4
 """Distance (m) of what counts as infinitely far: of f = 100 mm its image is 1e-3 mm behind that of infinity."""
 
 
-def film_behind(camera: str) -> float:
+def film_behind(camera):
     """Return the distance of the film behind the last vertex (mm)."""
     text = f"camera: {{{LOOK}, {camera}}}\nfilm: {{width: {PIXELS}, height: {PIXELS}}}\n{spot(0, 0, 5, 1)}"
     packed = pack(build(text, "test.yaml", allow_files="/")).scene.camera
@@ -39,19 +38,19 @@ def film_behind(camera: str) -> float:
 # ---- The plano-convex singlet
 
 
-def _crossing(h: float) -> float:
+def _crossing(h):
     """Compute the crossing of light at the height h with the axis, behind the vertex of the round side (mm)."""
     bent = math.asin(INDEX * h / ROUND_SIDE) - math.asin(h / ROUND_SIDE)
     return h / math.tan(bent) - (ROUND_SIDE - math.sqrt(ROUND_SIDE**2 - h * h))
 
 
-def _aside(h: float, film: float) -> float:
+def _aside(h, film):
     """Compute the distance from the axis at which light of the height h meets a film (mm)."""
     bent = math.asin(INDEX * h / ROUND_SIDE) - math.asin(h / ROUND_SIDE)
     return abs((_crossing(h) - film) * math.tan(bent))
 
 
-def _width(top: float, film: float) -> float:
+def _width(top, film):
     """Diameter (mm) of the even disc with the moment of the blur."""
     square, _ = quad(lambda h: 2.0 / top**2 * _aside(h, film) ** 2 * h, 0.0, top)
     return math.sqrt(8.0 * square)
@@ -59,7 +58,7 @@ def _width(top: float, film: float) -> float:
 
 @pytest.mark.parametrize("f_number", [4.5, 5.0, 7.0])
 @pytest.mark.parametrize("focus", ["marginal", "rms"])
-def test_the_blur_of_the_plano_convex_singlet(tmp_path: Path, f_number: float, focus: str) -> None:
+def test_the_blur_of_the_plano_convex_singlet(tmp_path, f_number, focus):
     """At f/5 light is up to 10 mm from the axis, and crosses it from 95.418 to 100 mm behind the lens."""
     path = written(tmp_path, PLANO_CONVEX)
     keys = f"type: lens, lens: '{path}', f_number: {f_number}, focus_distance: .inf, focus: {focus}"
@@ -83,7 +82,7 @@ def test_the_blur_of_the_plano_convex_singlet(tmp_path: Path, f_number: float, f
     assert picture[(distance > 0.5 * widest - 2.0 * pitch) & (distance < 0.5 * widest)].sum() > 0.0
 
 
-def test_the_best_focus_by_rms_is_sharper_than_the_marginal_one(tmp_path: Path) -> None:
+def test_the_best_focus_by_rms_is_sharper_than_the_marginal_one(tmp_path):
     path = written(tmp_path, PLANO_CONVEX)
     films = {
         focus: film_behind(
@@ -103,7 +102,7 @@ THIN_50 = Lens(
 )
 
 
-def _traced_blur(f_number: float, focus: float, distance: float, *, focal_length: float = 50.0) -> float:
+def _traced_blur(f_number, focus, distance, *, focal_length=50.0):
     """Diameter (mm) of the blur of a point of the axis (m), of rays a thousandth of the opening from the axis.
 
     So near to it glass is ideal; and blurs are in proportion to the opening.
@@ -118,7 +117,7 @@ def _traced_blur(f_number: float, focus: float, distance: float, *, focal_length
     return 2e3 * abs(float(found.points[0, 1] + ahead * found.directions[0, 1]))
 
 
-def test_the_circle_of_confusion_by_rays_through_glass() -> None:
+def test_the_circle_of_confusion_by_rays_through_glass():
     # 50 mm f/1.4 focused at 2 m, a point at 4 m: 0.45788 mm.
     assert _traced_blur(1.4, 2.0, 4.0) == pytest.approx(0.45788, abs=1e-5)
     for focus, distance in ((2.0, 0.7), (1.0, 30.0), (10.0, 4.0)):
@@ -126,7 +125,7 @@ def test_the_circle_of_confusion_by_rays_through_glass() -> None:
         assert _traced_blur(1.4, focus, distance) == pytest.approx(expected, abs=1e-4)
 
 
-def test_limits_of_the_depth_of_field_by_rays_through_glass() -> None:
+def test_limits_of_the_depth_of_field_by_rays_through_glass():
     # 50 mm, f/2.8, 0.03 mm, 3 m: 2729.5 and 3330.1 mm, and the blur there is exactly 0.03 mm.
     for limit in (2.7295, 3.3301):
         assert _traced_blur(2.8, 3.0, limit) == pytest.approx(0.03, abs=1e-5)
@@ -138,7 +137,7 @@ def test_limits_of_the_depth_of_field_by_rays_through_glass() -> None:
 
 
 @pytest.mark.parametrize(("focal", "expected"), [(17.0, 103.68), (50.0, 46.79), (200.0, 12.35)])
-def test_field_of_view_by_rays_through_the_middle_of_glass(focal: float, expected: float) -> None:
+def test_field_of_view_by_rays_through_the_middle_of_glass(focal, expected):
     c = 1.0 / focal
     lens = Lens("thin", (Element(c, 1e-9, constant_index_glass(1.5), 0.5 / c), Element(-c, 0.0, AIR, 0.5 / c)))
     way = unit([[0.0, math.hypot(18.0, 12.0), -focal]])
@@ -152,7 +151,7 @@ def test_field_of_view_by_rays_through_the_middle_of_glass(focal: float, expecte
 
 
 @pytest.mark.parametrize(("distance", "f_number"), [(0.3, 16.0), (0.6, 22.0)])
-def test_the_circle_of_confusion_behind_thin_glass(tmp_path: Path, distance: float, f_number: float) -> None:
+def test_the_circle_of_confusion_behind_thin_glass(tmp_path, distance, f_number):
     """On the axis there is spherical aberration alone, of 1.67 h^2 / f along it: less than 1 % of this blur."""
     path = thin(tmp_path, 50.0, 20.0)
     image = 1.0 / (1.0 / 50.0 - 1e-3 / 10.0)
@@ -168,12 +167,12 @@ def test_the_circle_of_confusion_behind_thin_glass(tmp_path: Path, distance: flo
     assert blur_px(picture, 2.0) * pitch == pytest.approx(expected, rel=0.02)
 
 
-def _double_gauss(more: str) -> str:
+def _double_gauss(more):
     return f"type: lens, lens: '{SCENES / 'lenses' / 'double-gauss-50mm.yaml'}', dispersion: false, {more}"
 
 
 @pytest.mark.parametrize(("f_number", "distance"), [(2.8, 4.0), (8.0, 1.0), (8.0, 30.0)])
-def test_the_circle_of_confusion_behind_the_double_gauss(f_number: float, distance: float) -> None:
+def test_the_circle_of_confusion_behind_the_double_gauss(f_number, distance):
     """A corrected lens blurs as the thin lens does, which its entrance pupil and its focal length make.
 
     c = A m |s - F| / s, with A = f / N, the distances from the entrance pupil, and the magnification m of the plane of
@@ -203,7 +202,7 @@ def test_the_circle_of_confusion_behind_the_double_gauss(f_number: float, distan
     assert blur_px(picture, 2.0) * pitch == pytest.approx(expected, rel=0.02)
 
 
-def _focal_length() -> float:
+def _focal_length():
     from raytracer.optics.lens_system.first_order import cardinal_points
     from raytracer.scene.assets.lenses import read_lens
 

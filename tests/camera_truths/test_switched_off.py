@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from raytracer.rendering.render import render
-from raytracer.rendering.session import Rendered
 from raytracer.scene.pack.scene import pack
-from raytracer.scene.spec import SceneSpec
-from tests.kernel.test_specialisation import Kernels, kernels, probe
+from tests.kernel.test_specialisation import kernels, probe
 from tests.small_scenes import scene
 
 __all__ = ["kernels"]
@@ -68,10 +66,7 @@ IN_NO_TIME = {
     "moving, without a shutter": (ANGLE, FLYING),
     "moving, in a shutter of length 0": (f"{ANGLE}, shutter: 0", FLYING),
     "moving, in one that closes when it opens": (f"{ANGLE}, shutter: {{open: 0, close: 0}}", FLYING),
-    "moving, in a trapezoid of length 0": (
-        f"{ANGLE}, shutter: {{duration: 0, opening: trapezoid, ramp: 0}}",
-        FLYING,
-    ),
+    "moving, in a trapezoid of length 0": (f"{ANGLE}, shutter: {{duration: 0, opening: trapezoid, ramp: 0}}", FLYING),
     "held, in a shutter": (f"{ANGLE}, shutter: 1", HELD),
     "a camera that is held": (f"{ANGLE}, shutter: 1, motion: {{velocity: [0, 0, 0]}}", STILL),
     "a camera that moves in no time": (f"{ANGLE}, shutter: 0, motion: {{velocity: [1, 0, 0]}}", STILL),
@@ -82,24 +77,24 @@ PAIRS = {name: (off, STILL, plain) for name, (off, plain) in OFF.items()} | {
 }
 
 
-def spec_of(camera: str, rest: str) -> SceneSpec:
+def spec_of(camera, rest):
     return scene(
         f"camera: {{{LOOK}, {camera}}}\n{rest}", width=24, height=16, spp=8, max_depth=4, sampler="sobol", filled=False
     )
 
 
-def picture_of(camera: str, rest: str) -> Rendered:
+def picture_of(camera, rest):
     return render(spec_of(camera, rest), threads=2)
 
 
 @pytest.fixture(scope="module")
-def plain() -> dict[str, Rendered]:
+def plain():
     """Pictures of the cameras without what is switched off."""
     return {camera: picture_of(camera, STILL) for camera in {plain for *_, plain in PAIRS.values()}}
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_what_is_switched_off_leaves_bits_rays_and_type_as_they_are(name: str, plain: dict[str, Rendered]) -> None:
+def test_what_is_switched_off_leaves_bits_rays_and_type_as_they_are(name, plain):
     off, rest, never = PAIRS[name]
     assert numba.typeof(pack(spec_of(off, rest)).scene) == numba.typeof(pack(spec_of(never, STILL)).scene)
     found, expected = picture_of(off, rest), plain[never]
@@ -120,12 +115,12 @@ def test_what_is_switched_off_leaves_bits_rays_and_type_as_they_are(name: str, p
         (f"{ANGLE}, shutter: {{duration: 0, readout: 1/30 s}}", FLYING),
     ],
 )
-def test_what_is_switched_on_is_there(on: str, rest: str) -> None:
+def test_what_is_switched_on_is_there(on, rest):
     """So that the equalities above are not for want of what they would miss."""
     assert numba.typeof(pack(spec_of(on, rest)).scene) != numba.typeof(pack(spec_of(ANGLE, STILL)).scene)
 
 
-def test_exposure_without_noise_and_with_it_is_one_kernel() -> None:
+def test_exposure_without_noise_and_with_it_is_one_kernel():
     # What the sensor does to light is done to the picture, not to rays.
     lens = f"{LENS}, f_number: 2, shutter: 1/125 s"
     noisy = lens.replace("sensor: full_frame", "sensor: {format: full_frame, noise: true, bit_depth: 12}")
@@ -145,7 +140,7 @@ def test_exposure_without_noise_and_with_it_is_one_kernel() -> None:
     )
 
 
-def test_the_second_kernel_is_the_first(kernels: Kernels) -> None:
+def test_the_second_kernel_is_the_first(kernels):
     assert kernels["plain"]["compiled"] > 10
     assert kernels["plain"]["cache_misses"] == 1
     off = probe(kernels.cache, "off")["off"]

@@ -19,9 +19,7 @@ WIDTH, HEIGHT = 1200, 800
 SPOT_PX, SPP, MARGIN = 1.5, 256, 8
 
 
-def seen_at(
-    camera: str, x: float, y: float, depth: float, radius: float, near: tuple[float, float]
-) -> tuple[float, ...]:
+def seen_at(camera, x, y, depth, radius, near):
     """Find the image of a spot (m), in px from the top left, within `MARGIN` pixels around a place."""
     left, top = math.floor(near[0]) - MARGIN, math.floor(near[1]) - MARGIN
     window = (left, top, left + 2 * MARGIN + 1, top + 2 * MARGIN + 1)
@@ -31,7 +29,7 @@ def seen_at(
     return found.x + left, found.y + top
 
 
-def check(camera: str, width_mm: float, height_mm: float, image_mm: float, depth: float = 10.0) -> None:
+def check(camera, width_mm, height_mm, image_mm, depth=10.0):
     """Assert where points are seen by a camera whose film is so large, and so far behind the lens.
 
     Near the right, the bottom left, and the top edge of the picture; the place on the film is to the distance behind
@@ -45,7 +43,7 @@ def check(camera: str, width_mm: float, height_mm: float, image_mm: float, depth
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_focal_length_and_sensor_are_the_field_of_view(sensor: str) -> None:
+def test_focal_length_and_sensor_are_the_field_of_view(sensor):
     """2 atan(w / 2 f), for every lecture focal length; of a sensor that is not 3:2, the largest part that is."""
     width, height = SENSORS[sensor]
     width, height = min(width, 1.5 * height), min(height, width / 1.5)
@@ -54,7 +52,7 @@ def test_focal_length_and_sensor_are_the_field_of_view(sensor: str) -> None:
 
 
 @pytest.mark.parametrize(("focal", "diagonal"), [(17.0, 103.68), (50.0, 46.79), (200.0, 12.35)])
-def test_the_corners_are_as_far_apart_as_the_diagonal_angle(focal: float, diagonal: float) -> None:
+def test_the_corners_are_as_far_apart_as_the_diagonal_angle(focal, diagonal):
     # Camera truths, on 36 x 24 mm: a point at half that angle to the axis, along the diagonal, is in the corner.
     half = math.tan(math.radians(diagonal / 2.0))
     depth = 10.0
@@ -72,13 +70,13 @@ def test_the_corners_are_as_far_apart_as_the_diagonal_angle(focal: float, diagon
     ("fit", "width", "height"),
     [("crop", 17.3, 17.3 / 1.5), ("horizontal", 17.3, 17.3 / 1.5), ("vertical", 19.5, 13.0), ("overscan", 19.5, 13.0)],
 )
-def test_a_sensor_of_another_shape_than_the_picture(fit: str, width: float, height: float) -> None:
+def test_a_sensor_of_another_shape_than_the_picture(fit, width, height):
     # Four thirds in a picture of 3:2: cut off above and below, or with nothing left out.
     check(f"type: pinhole, sensor: four_thirds, focal_length: 25, sensor_fit: {fit}", width, height, 25.0)
 
 
 @pytest.mark.parametrize("sensor", ["full_frame", "aps_c", "1-inch"])
-def test_equivalent_focal_lengths_see_the_same_diagonal(sensor: str) -> None:
+def test_equivalent_focal_lengths_see_the_same_diagonal(sensor):
     """As 36 x 24 mm does: the focal length is to the sensor's diagonal as the equivalent one to 43.27 mm."""
     width, height = SENSORS[sensor]
     focal = 35.0 * math.hypot(width, height) / math.hypot(36.0, 24.0)
@@ -90,7 +88,7 @@ def test_equivalent_focal_lengths_see_the_same_diagonal(sensor: str) -> None:
     ("key", "width", "height"),
     [("vfov", 1.5, 1.0), ("hfov", 1.0, 1.0 / 1.5), ("dfov", 3.0 / math.sqrt(13.0), 2.0 / math.sqrt(13.0))],
 )
-def test_angles_of_view_by_themselves(key: str, width: float, height: float) -> None:
+def test_angles_of_view_by_themselves(key, width, height):
     # A film as wide, as high, or as long in its diagonal as twice tan(30 deg) at the distance 1.
     size = 2.0 * math.tan(math.radians(30.0))
     check(f"type: pinhole, {key}: 60", width * size, height * size, 1.0)
@@ -100,7 +98,7 @@ def test_angles_of_view_by_themselves(key: str, width: float, height: float) -> 
 
 
 @pytest.mark.parametrize("focus", [0.3, 0.5, 2.0, math.inf])
-def test_focusing_close_narrows_the_field_of_view(focus: float) -> None:
+def test_focusing_close_narrows_the_field_of_view(focus):
     """The film is at z_i = f F / (F - f): what is in focus is sharp, and z_i / F as far from the axis as in space.
 
     Focused at 0.3 m, a 50 mm lens draws 20 % larger than at infinity: a point at the edge moves by 100 pixels.
@@ -112,7 +110,7 @@ def test_focusing_close_narrows_the_field_of_view(focus: float) -> None:
     check(camera, 1.5 * 23.9, 23.9, image, depth)
 
 
-def test_what_is_out_of_focus_has_its_middle_where_a_pinhole_sees_it() -> None:
+def test_what_is_out_of_focus_has_its_middle_where_a_pinhole_sees_it():
     # The blur, 6 pixels wide, is known to 3 / 2 sqrt(n) pixels.
     image = 50.0 * 500.0 / 450.0
     camera = "type: thin_lens, sensor: full_frame, focal_length: 50, f_number: 16, focus_distance: 0.5"

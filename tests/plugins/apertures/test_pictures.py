@@ -1,12 +1,9 @@
 """Lights out of focus behind lenses with apertures, measured on pictures."""
 
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.plugins.cameras.thin_lens import ThinLens
 from tests.plugins.apertures.test_apertures import LETTER
@@ -17,7 +14,7 @@ from tests.small_scenes import image
 FOCUS, APERTURE = 10.0, 0.1
 
 
-def bokeh(shape: str, distance: float, *, blur: float, size: int, base: Path | None = None) -> NDArray[np.float64]:
+def bokeh(shape, distance, *, blur, size, base=None):
     """A picture (size, size) of a light at a distance, blurred to a disc `blur` pixels wide by a round aperture.
 
     The light is a sphere a pixel in radius; each pixel holds the fraction of its rays that meet it.
@@ -50,7 +47,7 @@ LIGHT = math.pi
 
 @pytest.mark.parametrize("curvature", [0.0, 0.4])
 @pytest.mark.parametrize(("distance", "top"), [(20.0, 1.0), (6.0, -1.0)])
-def test_a_light_out_of_focus_shows_the_polygon(distance: float, top: float, curvature: float) -> None:
+def test_a_light_out_of_focus_shows_the_polygon(distance, top, curvature):
     blur = 24.0
     shape = f"{{type: polygon, blades: 5, curvature: {curvature}}}"
     weight = bokeh(shape, distance, blur=blur, size=35)
@@ -73,7 +70,7 @@ def test_a_light_out_of_focus_shows_the_polygon(distance: float, top: float, cur
         assert 2.0 * math.sqrt(measured / inertia) == pytest.approx(blur, rel=0.01)
 
 
-def test_a_light_beyond_the_focus_shows_the_mask_upright(tmp_path: Path) -> None:
+def test_a_light_beyond_the_focus_shows_the_mask_upright(tmp_path):
     # Pixels of the mask that are 6 pixels of the picture: the mask has 5 rows of 3 and is in the middle.
     np.save(tmp_path / "letter.npy", LETTER)
     side = math.sqrt(math.pi / LETTER.sum())
@@ -93,7 +90,7 @@ def test_a_light_beyond_the_focus_shows_the_mask_upright(tmp_path: Path) -> None
         {"type": "polygon", "blades": 5, "curvature": 0.5, "rotation": 20},
     ],
 )
-def test_exposure_does_not_depend_on_the_shape(shape: dict[str, Any]) -> None:
+def test_exposure_does_not_depend_on_the_shape(shape):
     # Irradiance in a field of radiance 1: in the middle, with m = f / (s - f), pi / (4 N^2 (1 + m)^2), and at the side.
     # For shapes of one area it differs by the inclination of rays only: of the second order in the lens's radius over
     # the distance of the plane of focus, times how much their moments of inertia differ.
@@ -108,7 +105,7 @@ def test_exposure_does_not_depend_on_the_shape(shape: dict[str, Any]) -> None:
             assert plain == pytest.approx(math.pi / (4.0 * 4.0**2 * (1.0 + 0.05 / 9.95) ** 2), rel=1e-4)
 
 
-def test_the_picture_darkens_to_its_corners_as_the_circles_part() -> None:
+def test_the_picture_darkens_to_its_corners_as_the_circles_part():
     # Focus at infinity in a field of radiance 1: a pixel is the part of the aperture that its rays pass the rim from.
     # They are shifted there by the distance times the tangent of their angle.
     size, half = 25, math.tan(math.radians(30.0))

@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from tests.small_scenes import image, rendered
 
 _GLASS = str(SCENES / "lenses" / "double-gauss-50mm.yaml")
 
-EXAMPLES: dict[str, list[dict[str, Any]]] = {
+EXAMPLES = {
     "camera_array": [
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "rows": 2, "columns": 3, "spacing": "20 mm", "vfov": 35},
         {
@@ -161,7 +160,7 @@ IMAGING = [case for case in CASES if case.values[0]["type"] not in (*VIEWS, "non
 SHARP = [case for case in IMAGING if "diameter" not in case.values[0] and case.values[0]["type"] != "lens"]
 
 
-def camera(**keys: Any) -> Any:
+def camera(**keys):
     spec = CAMERAS.specs()[keys.get("type", "pinhole")].model_validate(keys)
     files = {".".join(map(str, place)): LOADERS[kind](Path(name)) for place, (name, kind) in spec.files().items()}
     return spec.bind_assets(files)
@@ -170,11 +169,11 @@ def camera(**keys: Any) -> Any:
 # ---- Every kind
 
 
-def test_every_kind_has_an_example() -> None:
+def test_every_kind_has_an_example():
     assert set(EXAMPLES) == set(CAMERAS.specs())
 
 
-def assert_rays(packed: Any, width: int, height: int, count: int = 100) -> None:
+def assert_rays(packed, width, height, count=100):
     """At places all over the film, its corners, edges and middle among them, rays are unit vectors and numbers."""
     rng = np.random.default_rng(1)
     x, y = (grid.ravel() for grid in np.meshgrid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0]))
@@ -191,7 +190,7 @@ def assert_rays(packed: Any, width: int, height: int, count: int = 100) -> None:
 
 @pytest.mark.parametrize("size", [(40, 30), (1, 16384), (16384, 1)])
 @pytest.mark.parametrize("keys", CASES)
-def test_rays_are_unit_vectors_and_numbers(keys: dict[str, Any], size: tuple[int, int]) -> None:
+def test_rays_are_unit_vectors_and_numbers(keys, size):
     assert_rays(camera(**keys).pack(*size), *size, count=2000)
 
 
@@ -201,7 +200,7 @@ def test_rays_are_unit_vectors_and_numbers(keys: dict[str, Any], size: tuple[int
     "kind",
     [pytest.param(kind, marks=[pytest.mark.slow] if kind == "lens" else []) for kind in sorted(EXAMPLES)],
 )
-def test_numbers_of_any_size_are_refused_or_make_rays(kind: str, number: float) -> None:
+def test_numbers_of_any_size_are_refused_or_make_rays(kind, number):
     tried = 0
     for example in EXAMPLES[kind]:
         for key in sorted(CAMERAS.specs()[kind].model_fields.keys() - {"type"}):
@@ -217,7 +216,7 @@ def test_numbers_of_any_size_are_refused_or_make_rays(kind: str, number: float) 
 
 
 @pytest.mark.parametrize("keys", IMAGING)
-def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys: dict[str, Any]) -> None:
+def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys):
     spec = camera(**keys)
     _, directions, weights = weighted_rays(spec.pack(40, 30), np.full(4000, 20.0), 15.0)
     view = np.subtract(spec.look_at, spec.look_from)
@@ -235,7 +234,7 @@ def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys: dict[s
 
 
 @pytest.mark.parametrize("keys", [case for case in IMAGING if case.values[0]["type"] in ("pinhole", "thin_lens")])
-def test_fields_of_view_are_what_the_film_shows(keys: dict[str, Any]) -> None:
+def test_fields_of_view_are_what_the_film_shows(keys):
     """Points at half the angles that a camera says it sees are at the edges and in a corner of the picture."""
     spec = camera(**keys)
     numbers, frame = spec.describe(40, 30), spec.frame()
@@ -251,7 +250,7 @@ def test_fields_of_view_are_what_the_film_shows(keys: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("keys", CASES)
-def test_cameras_describe_themselves_in_finite_numbers(keys: dict[str, Any]) -> None:
+def test_cameras_describe_themselves_in_finite_numbers(keys):
     numbers = camera(**keys).describe(40, 30)
     assert numbers
     for name, value in numbers.items():
@@ -262,7 +261,7 @@ def test_cameras_describe_themselves_in_finite_numbers(keys: dict[str, Any]) -> 
 
 
 @pytest.mark.parametrize("keys", SHARP)
-def test_what_a_ray_meets_is_projected_to_where_the_ray_started(keys: dict[str, Any]) -> None:
+def test_what_a_ray_meets_is_projected_to_where_the_ray_started(keys):
     # Through a lens, what lies in the plane of focus.
     rng = np.random.default_rng(2)
     spec = camera(**keys)
@@ -289,7 +288,7 @@ def test_what_a_ray_meets_is_projected_to_where_the_ray_started(keys: dict[str, 
 
 @pytest.mark.parametrize("vfov", [20.0, 90.0, 179.9])
 @pytest.mark.parametrize(("width", "height"), [(40, 30), (30, 40), (1, 1)])
-def test_edges_of_the_film_are_the_field_of_view(vfov: float, width: int, height: int) -> None:
+def test_edges_of_the_film_are_the_field_of_view(vfov, width, height):
     # Half the field of view up to the top edge; square pixels to the sides.  Hard case 27: tan(89.95 deg) = 1145.9.
     half = math.tan(math.radians(vfov / 2.0))
     packed = camera(vfov=vfov).pack(width, height)
@@ -301,7 +300,7 @@ def test_edges_of_the_film_are_the_field_of_view(vfov: float, width: int, height
         assert half == pytest.approx(1145.9, abs=0.1)
 
 
-def test_points_appear_in_their_pixels() -> None:
+def test_points_appear_in_their_pixels():
     # A known point of space, projected by hand to film coordinates; an emitter there, no larger than 0.01 pixels,
     # lights that pixel and no other.
     eye, target = np.array([3.0, 2.0, 5.0]), np.array([0.5, -0.3, 0.2])
@@ -336,7 +335,7 @@ objects:
         assert abs((weight * rows).sum() / weight.sum() - y) < 0.6
 
 
-def test_frame_is_orthonormal_however_close_up_is_to_the_view() -> None:
+def test_frame_is_orthonormal_however_close_up_is_to_the_view():
     # Hard case 28: parallel is an error; 1e-6 rad off, the frame is orthonormal to 1e-12.
     for angle in (1.0, 1e-3, 1e-6, 1e-9):
         spec = camera(look_from=[0, 0, 0], look_at=[0, 0, -2], up=[0, math.sin(angle), -math.cos(angle)])
@@ -354,7 +353,7 @@ def test_frame_is_orthonormal_however_close_up_is_to_the_view() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-30, 1e30])
-def test_frames_do_not_depend_on_how_long_their_vectors_are(size: float) -> None:
+def test_frames_do_not_depend_on_how_long_their_vectors_are(size):
     # Down to the smallest and up to the largest that a scene may have, squares and their sums are numbers.
     plain = camera(look_at=[0, 1, -2], up=[1, 2, 0])
     spec = plain.model_copy(update={"look_at": (0.0, size, -2.0 * size), "up": (size, 2.0 * size, 0.0)})
@@ -363,7 +362,7 @@ def test_frames_do_not_depend_on_how_long_their_vectors_are(size: float) -> None
 
 
 @pytest.mark.parametrize("vfov", [0.0, 180.0, -10.0, 200.0])
-def test_impossible_fields_of_view_are_refused(vfov: float) -> None:
+def test_impossible_fields_of_view_are_refused(vfov):
     with pytest.raises(ValidationError):
         camera(vfov=vfov)
 
@@ -371,18 +370,18 @@ def test_impossible_fields_of_view_are_refused(vfov: float) -> None:
 # ---- Thin lens
 
 
-def lens_spec(**keys: Any) -> ThinLens:
+def lens_spec(**keys):
     return ThinLens.model_validate({"look_from": [0, 0, 0], "look_at": [0, 0, -10], "vfov": 20, **keys})
 
 
-def test_defocus_angle_is_the_cone_from_focus_to_lens() -> None:
+def test_defocus_angle_is_the_cone_from_focus_to_lens():
     # Camera truths: F = 10, delta = 0.6 deg: A = 2 F tan(delta / 2) = 0.104720 m.
     assert lens_spec(defocus_angle=0.6).pupil_diameter(40, 30) == pytest.approx(0.104720, abs=1e-6)
     assert lens_spec(aperture=104.72).pupil_diameter(40, 30) == pytest.approx(0.10472)
 
 
 @pytest.mark.parametrize("focus", [0.5, 10.0, 1e4])
-def test_rays_of_a_film_point_meet_in_the_plane_of_focus(focus: float) -> None:
+def test_rays_of_a_film_point_meet_in_the_plane_of_focus(focus):
     spec = lens_spec(focus_distance=focus, aperture=100)
     x, y = 31.0, 7.0
     origins, directions = camera_rays(spec.pack(40, 30), np.full(1000, x), y)
@@ -398,12 +397,12 @@ def test_rays_of_a_film_point_meet_in_the_plane_of_focus(focus: float) -> None:
     np.testing.assert_allclose(meeting, np.tile(expected, (1000, 1)), rtol=0.0, atol=1e-14 * focus + 1e-15)
 
 
-def test_an_aperture_is_a_name_where_its_defaults_will_do() -> None:
+def test_an_aperture_is_a_name_where_its_defaults_will_do():
     assert lens_spec(aperture_shape="polygon") == lens_spec(aperture_shape={"type": "polygon"})
     assert lens_spec(aperture=9, aperture_shape="round").pack(40, 30) == lens_spec(aperture=9).pack(40, 30)
 
 
-def test_focus_at_infinity_sends_parallel_rays() -> None:
+def test_focus_at_infinity_sends_parallel_rays():
     # Hard case 24: o + inf * d is not a number.
     packed = lens_spec(focus_distance=math.inf, aperture=100).pack(40, 30)
     assert packed.lens == ThinLensPupil(0.05, 0.0)
@@ -416,7 +415,7 @@ def test_focus_at_infinity_sends_parallel_rays() -> None:
 
 
 @pytest.mark.parametrize("keys", [{}, {"aperture": 0}, {"defocus_angle": 0}, {"aperture": 0, "focus_distance": 3}])
-def test_no_aperture_is_the_pinhole_bit_for_bit(keys: dict[str, Any]) -> None:
+def test_no_aperture_is_the_pinhole_bit_for_bit(keys):
     # Hard case 23: normalize(focus * d) would differ from normalize(d) in half of all rays.
     packed = lens_spec(**keys).pack(40, 30)
     pinhole = Pinhole(look_from=(0, 0, 0), look_at=(0, 0, -10), vfov=20).pack(40, 30)
@@ -435,7 +434,7 @@ objects:
     )
 
 
-def test_a_tiny_aperture_is_the_pinhole_within_a_hundredth_of_a_pixel() -> None:
+def test_a_tiny_aperture_is_the_pinhole_within_a_hundredth_of_a_pixel():
     # Hard case 26: the blur A |z - F| / z / F of a lens of 0.05 mm, at half the focus distance: 5e-6, 3e-4 pixels.
     spec = lens_spec(focus_distance=10, aperture=0.05)
     origins, directions = camera_rays(spec.pack(40, 30), np.full(1000, 8.0), 8.0)
@@ -447,7 +446,7 @@ def test_a_tiny_aperture_is_the_pinhole_within_a_hundredth_of_a_pixel() -> None:
 
 
 @pytest.mark.parametrize(("distance", "pixels"), [(5.0, 20.044), (20.0, 10.022)])
-def test_circle_of_confusion_of_a_point(distance: float, pixels: float) -> None:
+def test_circle_of_confusion_of_a_point(distance, pixels):
     # Camera truths: C = A |z - F| / z on the plane of focus; F = 10, delta = 0.6, vfov 20, 675 rows.  A point of light
     # blurs to an even disc, whose variance along each axis is (C / 4)^2: measured on the image, 51 of the 675 rows.
     size = 0.002 * distance / 5.0
@@ -479,7 +478,7 @@ objects:
     assert weight[beyond].sum() == 0.0
 
 
-def test_a_point_in_focus_stays_in_its_pixel() -> None:
+def test_a_point_in_focus_stays_in_its_pixel():
     picture = image(
         """
 camera: {type: thin_lens, look_from: [0, 0, 0], look_at: [0, 0, -10], vfov: 4, focus_distance: 10, defocus_angle: 2}
@@ -496,7 +495,7 @@ objects:
     assert lit.sum() == 1
 
 
-def test_a_lens_does_not_change_what_is_uniform() -> None:
+def test_a_lens_does_not_change_what_is_uniform():
     # A uniform environment stays 1 through any lens: rays carry equal weight.
     picture = image(
         """
@@ -513,24 +512,24 @@ objects:
 @pytest.mark.parametrize(
     "shape", [{"type": "round"}, {"type": "polygon", "curvature": 1}, {"type": "round", "anamorphic": 1}]
 )
-def test_a_round_opening_is_the_plain_lens(shape: dict[str, Any]) -> None:
+def test_a_round_opening_is_the_plain_lens(shape):
     plain, shaped = (lens_spec(aperture=50, **keys).pack(40, 30) for keys in ({}, {"aperture_shape": shape}))
     assert shaped == plain
     assert shaped.lens.shape is None
     assert shaped.lens.rim is None
 
 
-def test_neither_shape_nor_rim_of_an_opening_without_size() -> None:
+def test_neither_shape_nor_rim_of_an_opening_without_size():
     keys = {"aperture_shape": {"type": "polygon"}, "vignetting": {"diameter": 5, "distance": 5}}
     assert lens_spec(**keys).pack(40, 30) == lens_spec().pack(40, 30)
 
 
-def test_only_one_aperture_may_be_given() -> None:
+def test_only_one_aperture_may_be_given():
     with pytest.raises(ValidationError, match="give one of them"):
         lens_spec(defocus_angle=1, aperture=10)
 
 
-def test_cameras_describe_themselves() -> None:
+def test_cameras_describe_themselves():
     # 90 degrees high and 4:3: atan(4/3) * 2 = 106.26 across, atan(5/3) * 2 = 118.07 over the diagonal.
     numbers = camera(vfov=90.0).describe(40, 30)
     assert numbers["hfov_deg"] == pytest.approx(106.2602, abs=1e-4)
@@ -547,7 +546,7 @@ def test_cameras_describe_themselves() -> None:
 
 
 @pytest.mark.parametrize(("keys", "pixel"), [({"height": 3}, 0.1), ({"width": 3}, 0.075)])
-def test_orthographic_rays_are_parallel_and_their_origins_a_grid(keys: dict[str, Any], pixel: float) -> None:
+def test_orthographic_rays_are_parallel_and_their_origins_a_grid(keys, pixel):
     spec = camera(type="orthographic", look_from=[0, 1, 5], look_at=[0, 1, 0], **keys)
     origins, directions = camera_rays(spec.pack(40, 30), [0.0, 20.0, 40.0, 13.5], [0.0, 15.0, 30.0, 4.5])
     np.testing.assert_array_equal(directions, np.tile([0.0, 0.0, -1.0], (4, 1)))
@@ -557,7 +556,7 @@ def test_orthographic_rays_are_parallel_and_their_origins_a_grid(keys: dict[str,
     assert numbers == pytest.approx({"view_width_m": 40 * pixel, "view_height_m": 30 * pixel, "pixel_mm": 1e3 * pixel})
 
 
-def test_orthographic_sizes_do_not_depend_on_distance() -> None:
+def test_orthographic_sizes_do_not_depend_on_distance():
     # A disc of 40 x 40 pixels: its area in the picture is pi r^2 / pixel^2, near or far; nothing behind is seen.
     for z, area in ((4.0, math.pi * 100.0), (-1000.0, math.pi * 100.0), (6.0, 0.0)):
         picture = image(
@@ -575,7 +574,7 @@ objects:
         assert picture.radiance[..., 0].sum() == pytest.approx(area, rel=2e-3)
 
 
-def test_orthographic_needs_one_size() -> None:
+def test_orthographic_needs_one_size():
     for keys in ({}, {"height": 1, "width": 1}):
         with pytest.raises(ValidationError, match="give either height or width"):
             camera(type="orthographic", **keys)
@@ -584,7 +583,7 @@ def test_orthographic_needs_one_size() -> None:
 # ---- Equirectangular
 
 
-def test_longitude_and_latitude_are_measured_in_equal_steps() -> None:
+def test_longitude_and_latitude_are_measured_in_equal_steps():
     # 360 x 180 pixels: one pixel a degree.  The x-axis is 90 degrees to the right of -z.
     packed = camera(type="equirectangular", look_from=[0, 0, 0], look_at=[0, 0, -1]).pack(360, 180)
     for longitude, latitude in ((0, 0), (90, 0), (-90, 0), (180, 0), (45, 30), (-120, -60), (10, 90), (0, -90)):
@@ -594,7 +593,7 @@ def test_longitude_and_latitude_are_measured_in_equal_steps() -> None:
         np.testing.assert_allclose(directions[0], expected, rtol=0.0, atol=1e-15)
 
 
-def test_a_cap_fills_its_latitudes_of_the_panorama() -> None:
+def test_a_cap_fills_its_latitudes_of_the_panorama():
     # A sphere of radius 1 at distance 2, straight down: asin(1/2) = 30 degrees from the pole, so a sixth of the rows.
     picture = image(
         """
@@ -623,7 +622,7 @@ RADII = {
 
 @pytest.mark.parametrize("fov", [60.0, 180.0])
 @pytest.mark.parametrize("projection", RADII)
-def test_angles_land_where_the_projection_says(projection: str, fov: float) -> None:
+def test_angles_land_where_the_projection_says(projection, fov):
     keys = {"type": "fisheye", "projection": projection, "fov": fov, "look_from": [0, 0, 0], "look_at": [0, 0, -1]}
     spec = camera(**keys)
     packed = spec.pack(400, 300)
@@ -645,7 +644,7 @@ def test_angles_land_where_the_projection_says(projection: str, fov: float) -> N
     assert spec.describe(400, 300)["pixel_at_middle_deg"] == pytest.approx(angle, rel=1e-4)
 
 
-def solid_angles(projection: str, fov: float) -> Any:
+def solid_angles(projection, fov):
     """Solid angle of each pixel that lies in the circle, (n,), relative to that of one in the middle."""
     packed = camera(type="fisheye", projection=projection, fov=fov).pack(64, 64)
     edges = np.arange(65.0)
@@ -658,7 +657,7 @@ def solid_angles(projection: str, fov: float) -> Any:
     return area[whole] / area[32, 32]
 
 
-def test_an_equisolid_pixel_is_the_same_solid_angle_everywhere() -> None:
+def test_an_equisolid_pixel_is_the_same_solid_angle_everywhere():
     # Flat quadrilaterals in place of those on the sphere: 1 % at most, and the projection's shear as much.
     areas = solid_angles("equisolid", 180.0)
     assert len(areas) > 2900
@@ -667,7 +666,7 @@ def test_an_equisolid_pixel_is_the_same_solid_angle_everywhere() -> None:
     assert solid_angles("equidistant", 180.0).min() == pytest.approx(2.0 / math.pi, abs=0.02)
 
 
-def test_the_solid_angle_of_the_whole_circle() -> None:
+def test_the_solid_angle_of_the_whole_circle():
     # Uniform light of radiance 1 through the equisolid fisheye: the mean over the film is the circle's, pi / 4, and the
     # solid angle of a half space, 2 pi, spread over its area: 8 sin^2(fov / 4) / R^2 a pixel, whatever the radius.
     picture = image(
@@ -689,7 +688,7 @@ objects:
     assert (picture[[0, 0, -1, -1], [0, -1, 0, -1]] == 0.0).all()
 
 
-def test_what_lies_outside_the_circle_is_not_traced() -> None:
+def test_what_lies_outside_the_circle_is_not_traced():
     scene = """
 camera: {{type: {}, look_from: [0, 0, 4], look_at: [0, 0, 0]}}
 environment: {{type: constant, radiance: 1}}
@@ -707,12 +706,12 @@ objects:
     ("projection", "fov", "message"),
     [("stereographic", 360, "less than 360"), ("orthographic", 190, "at most 180"), ("equidistant", 361, "360")],
 )
-def test_fields_that_a_fisheye_cannot_show(projection: str, fov: float, message: str) -> None:
+def test_fields_that_a_fisheye_cannot_show(projection, fov, message):
     with pytest.raises(ValidationError, match=message):
         camera(type="fisheye", projection=projection, fov=fov)
 
 
-def test_points_behind_are_nowhere_for_cameras_that_look_ahead() -> None:
+def test_points_behind_are_nowhere_for_cameras_that_look_ahead():
     for keys in ({"type": "pinhole"}, {"type": "orthographic", "height": 1}):
         found = projected(camera(**keys).pack(40, 30), [[0.1, 0.2, 3.0]])[0]
         assert np.isnan(found[:2]).all()

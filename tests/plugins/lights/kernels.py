@@ -1,7 +1,5 @@
 """Functions of lights, for rows of random numbers, times and points."""
 
-import numpy as np
-
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.embree import MISS
 from raytracer.core.geometry import Hit, Interaction, Site

@@ -1,12 +1,8 @@
 """Parameters u and v of surfaces, and tangents, which are their derivatives."""
 
-from pathlib import Path
-from typing import Any
-
 import numba
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import entry
 from raytracer.core.geometry import Exact
@@ -49,7 +45,7 @@ def _drawn(table, primitive, u1, u2, out):
         out[2 + axis] = result.point[axis]
 
 
-def hit_at(table: Any, at: Any, towards: Any, primitive: int = 0) -> NDArray[np.float64]:
+def hit_at(table, at, towards, primitive=0):
     """u, v, point, tangent, bitangent and local of the point nearest to `at`, seen along `towards`."""
     out = np.empty(14)
     direction = np.asarray(towards, np.float64) / np.linalg.norm(towards)
@@ -58,25 +54,25 @@ def hit_at(table: Any, at: Any, towards: Any, primitive: int = 0) -> NDArray[np.
     return out
 
 
-def packed(kind: str, matrix: Any = None, **parameters: Any) -> Any:
+def packed(kind, matrix=None, **parameters):
     spec = SHAPES.specs()[kind].model_validate({"type": kind, **parameters})
     return spec.pack(np.eye(4) if matrix is None else matrix, 0, {})
 
 
-def mapped_mesh(tmp_path: Path, *, smooth: bool = False) -> Any:
+def mapped_mesh(tmp_path, *, smooth=False):
     path = tmp_path / "plate.obj"
     path.write_text(OBJ)
     spec = SHAPES.specs()["mesh"].model_validate({"type": "mesh", "file": "plate.obj", "smooth": smooth})
     return spec.pack(np.eye(4), 0, {"file": read_mesh(path)})
 
 
-def test_a_quad_runs_from_its_corner_along_its_edges() -> None:
+def test_a_quad_runs_from_its_corner_along_its_edges():
     table = packed("quad", corner=[1, 0, 0], edges=[[2, 0, 0], [0, 3, 0]])
     result = hit_at(table, (1.5, 2.25, 0.0), (0, 0, -1))
     np.testing.assert_allclose(result, [0.25, 0.75, 1.5, 2.25, 0, 2, 0, 0, 0, 3, 0, 1.5, 2.25, 0], atol=1e-12)
 
 
-def test_a_sphere_runs_around_its_axis_from_minus_x_and_up_from_the_south_pole() -> None:
+def test_a_sphere_runs_around_its_axis_from_minus_x_and_up_from_the_south_pole():
     # The Next Week, sec. 4.4.
     table = packed("sphere", center=[0, 0, 0], radius=1)
     for point, uv in (
@@ -93,14 +89,14 @@ def test_a_sphere_runs_around_its_axis_from_minus_x_and_up_from_the_south_pole()
             assert result[1] == pytest.approx(uv[1], abs=1e-12)
 
 
-def test_a_disc_runs_around_and_outwards() -> None:
+def test_a_disc_runs_around_and_outwards():
     table = packed("disc", center=[0, 0, 0], normal=[0, 0, 1], radius=2)
     assert hit_at(table, (0.0, 0.5, 0.0), (0, 0, -1))[1] == pytest.approx(0.25)
     assert hit_at(table, (1.2, -1.6, 0.0), (0, 0, -1))[1] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("kind", ["sphere", "quad", "disc", "triangle", "mesh", "smooth mesh"])
-def test_tangents_are_derivatives_of_the_point(kind: str, tmp_path: Path) -> None:
+def test_tangents_are_derivatives_of_the_point(kind, tmp_path):
     tables = {
         "sphere": lambda: packed("sphere", center=[0.1, 0.2, 0.3], radius=2),
         "quad": lambda: packed("quad", corner=[-1, -1, 0.2], edges=[[3, 0.5, 0], [0, 3, 0.5]]),
@@ -125,7 +121,7 @@ def test_tangents_are_derivatives_of_the_point(kind: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("smooth", [False, True])
-def test_a_mesh_has_the_coordinates_of_its_file(tmp_path: Path, smooth: bool) -> None:
+def test_a_mesh_has_the_coordinates_of_its_file(tmp_path, smooth):
     table = mapped_mesh(tmp_path, smooth=smooth)
     for x, y, primitive in ((1.5, 0.25, 0), (0.5, 0.75, 1), (1.9, 0.05, 0)):
         result = hit_at(table, (x, y, 0.0), (0, 0, -1), primitive)
@@ -135,7 +131,7 @@ def test_a_mesh_has_the_coordinates_of_its_file(tmp_path: Path, smooth: bool) ->
         np.testing.assert_allclose(out[:2], (0.25 + out[2] / 4, 0.5 + out[3] / 2), atol=1e-6)
 
 
-def test_degenerate_coordinates_have_no_tangents(tmp_path: Path) -> None:
+def test_degenerate_coordinates_have_no_tangents(tmp_path):
     path = tmp_path / "plate.obj"
     path.write_text(OBJ.replace("vt 0.75 0.5", "vt 0.25 0.5"))
     table = SHAPES.specs()["mesh"].model_validate({"type": "mesh", "file": "plate.obj"})
@@ -144,7 +140,7 @@ def test_degenerate_coordinates_have_no_tangents(tmp_path: Path) -> None:
     assert not result[5:11].any()
 
 
-def test_ply_files_have_coordinates_under_several_names(tmp_path: Path) -> None:
+def test_ply_files_have_coordinates_under_several_names(tmp_path):
     for names in (("s", "t"), ("u", "v"), ("texture_u", "texture_v")):
         path = tmp_path / "a.ply"
         path.write_text(
@@ -157,7 +153,7 @@ def test_ply_files_have_coordinates_under_several_names(tmp_path: Path) -> None:
         np.testing.assert_allclose(uv, [(0.1, 0.2), (0.3, 0.4), (0.5, 0.6)])
 
 
-def test_seams_keep_both_of_their_coordinates(tmp_path: Path) -> None:
+def test_seams_keep_both_of_their_coordinates(tmp_path):
     # The vertex 1 has one coordinate in each triangle.
     path = tmp_path / "seam.obj"
     path.write_text(OBJ.replace("f 1/1 3/3 4/4", "f 1/2 3/3 4/4"))
@@ -167,7 +163,7 @@ def test_seams_keep_both_of_their_coordinates(tmp_path: Path) -> None:
     assert corners == [{(0.25, 0.5)}, {(0.75, 0.5)}]
 
 
-def test_without_textures_coordinates_are_left_out(tmp_path: Path) -> None:
+def test_without_textures_coordinates_are_left_out(tmp_path):
     assert without_uv(mapped_mesh(tmp_path)).uv is None
     plain = (
         "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}\nobjects:\n  - {type: mesh, file: plate.obj"
