@@ -4,13 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from raytracer.core.sampling import warp
 from raytracer.film.formats.base.image_format import StoredImage
 from raytracer.plugins.apertures.base.interface import ApertureSpec
 from raytracer.schema.registry import APERTURES
-from raytracer.schema.spec import Spec
 from tests.plugins.apertures.kernels import sampled
 from tests.statistics import chi2_counts, chi2_test
 
@@ -104,24 +102,6 @@ def test_anamorphic_is_the_ratio_of_height_to_width(keys):
     numbers = uniform(1000)
     plain, stretched = (sampled(packed(**{**keys, "anamorphic": value}), numbers) for value in (1.0, ratio))
     np.testing.assert_allclose(stretched, plain * [1.0 / math.sqrt(ratio), math.sqrt(ratio)], rtol=1e-15)
-
-
-@pytest.mark.parametrize(
-    "keys",
-    [
-        {"type": "polygon", "blades": 2},
-        {"type": "polygon", "blades": 5.5},
-        {"type": "polygon", "curvature": 1.01},
-        {"type": "polygon", "curvature": -0.1},
-        {"type": "round", "anamorphic": 0},
-        {"type": "round", "anamorphic": math.inf},
-        {"type": "image"},
-        {"type": "image", "file": ""},
-    ],
-)
-def test_impossible_apertures_are_refused(keys):
-    with pytest.raises(ValidationError):
-        spec_of(**keys)
 
 
 # ---- Round
@@ -272,21 +252,6 @@ def test_mask_is_reproduced_upright():
     chi2_counts(counts, np.full((8, 8), len(first) / 64), tests=2)
 
 
-def test_only_proportions_of_the_transmission_count():
-    numbers = uniform(2000)
-    expected = sampled(packed(type="image", file="x"), numbers)
-    for factor in (0.125, 1024.0):
-        np.testing.assert_allclose(sampled(packed(LETTER * factor, type="image", file="x"), numbers), expected)
-
-
-def test_picture_of_a_disc_is_round():
-    rows, columns = np.mgrid[:201, :201] - 100.0
-    points = sampled(packed(np.hypot(rows, columns) < 100.0, type="image", file="x"), uniform())
-    assert np.hypot(*points.T).max() < 1.02
-    # Of the unit disc x^2 has the mean 1/4 and the standard deviation 1/4 too.
-    np.testing.assert_allclose((points**2).mean(axis=0), 0.25, atol=4.0 * 0.25 / math.sqrt(COUNT) + 2e-3)
-
-
 @pytest.mark.parametrize(
     ("values", "keys", "expected"),
     [
@@ -311,8 +276,3 @@ def test_what_pixels_let_through(values, keys, expected):
 def test_pictures_that_are_no_masks_are_refused(values, words):
     with pytest.raises(ValueError, match=f"^x .*{words}"):
         packed(values, type="image", file="x")
-
-
-def test_vignetting_is_no_kind():
-    assert issubclass(APERTURES.specs()["round"], Spec)
-    assert set(APERTURES.specs()) == {"image", "polygon", "round"}

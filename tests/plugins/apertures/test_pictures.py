@@ -45,31 +45,6 @@ LIGHT = math.pi
 """Sum of the pixels of `bokeh`: the light's own image is a disc a pixel in radius."""
 
 
-@pytest.mark.parametrize("curvature", [0.0, 0.4])
-@pytest.mark.parametrize(("distance", "top"), [(20.0, 1.0), (6.0, -1.0)])
-def test_a_light_out_of_focus_shows_the_polygon(distance, top, curvature):
-    blur = 24.0
-    shape = f"{{type: polygon, blades: 5, curvature: {curvature}}}"
-    weight = bokeh(shape, distance, blur=blur, size=35)
-    assert weight.sum() == pytest.approx(LIGHT, rel=0.02)
-
-    # Of moments r^n e^(i n t) the lowest that does not vanish has as many corners as the shape; its angle says where.
-    rows, columns = np.mgrid[:35, :35] - 17.0
-    place = columns - 1j * rows
-    moments = {n: (weight * place**n).sum() / (weight * abs(place) ** n).sum() for n in range(1, 10)}
-    assert max(moments, key=lambda n: abs(moments[n])) == 5
-    assert np.angle(moments[5]) == pytest.approx(top * math.pi / 2.0, abs=0.05)
-    assert all(abs(value) < 0.06 for n, value in moments.items() if n != 5)
-
-    # The area: that of the round aperture, by the moment of inertia of a pentagon, R^2 (2 + cos 72 deg) / 6.
-    if curvature == 0.0:
-        radius2 = math.pi / (2.5 * math.sin(math.radians(72.0)))
-        inertia = radius2 * (2.0 + math.cos(math.radians(72.0))) / 6.0
-        own = 2.0 / 12.0 + 1.0 / 2.0
-        measured = (weight * abs(place) ** 2).sum() / weight.sum() - own
-        assert 2.0 * math.sqrt(measured / inertia) == pytest.approx(blur, rel=0.01)
-
-
 def test_a_light_beyond_the_focus_shows_the_mask_upright(tmp_path):
     # Pixels of the mask that are 6 pixels of the picture: the mask has 5 rows of 3 and is in the middle.
     np.save(tmp_path / "letter.npy", LETTER)

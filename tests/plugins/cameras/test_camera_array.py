@@ -17,7 +17,7 @@ from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
 from raytracer.plugins.cameras.camera_array import CameraArray
 from raytracer.plugins.cameras.light_slab import LightSlab
 from raytracer.plugins.cameras.thin_lens import ThinLens
-from raytracer.rendering.develop import _view_slices, light_field_layout
+from raytracer.rendering.develop import _view_slices
 from raytracer.rendering.render import render
 from raytracer.scene.load import build
 from raytracer.util.errors import InputError, SceneError
@@ -123,12 +123,6 @@ def test_film_positions_of_one_view_never_reach_another(size):
             for x in (-margin + 0.5, -0.25, 0.0, width - 1.0, width + margin - 0.5):
                 for y in (-margin + 0.5, 0.5, height + margin - 0.5):
                     assert film_to_view(packed, left + x, top + y) == (x, y)
-
-
-def test_pixels_of_a_view_are_beside_one_another():
-    packed = array().pack(WIDTH, HEIGHT)
-    first = film_corner(packed, 2 * WIDTH, HEIGHT)
-    assert film_corner(packed, 2 * WIDTH + 17, HEIGHT + 4) == (first[0] + 17, first[1] + 4)
 
 
 # ---- Openings
@@ -431,13 +425,6 @@ def test_lines_of_a_rolling_shutter_are_those_of_each_view():
     assert film_to_view(packed, left + 0.5, top + 0.25) == (7.5, 29.25)
 
 
-def test_the_pose_is_where_a_moving_array_is_in_the_middle_of_the_exposure():
-    layout = light_field_layout(scene(", shutter: {open: 0, close: 2}, motion: {velocity: [0.1, 0, 0]}"))
-    assert layout is not None
-    assert layout.views.pose is not None
-    np.testing.assert_allclose(layout.views.pose.origin, [0.1, 0.5, 3.0], atol=1e-15)
-
-
 # ---- What is refused
 
 
@@ -494,8 +481,3 @@ def test_a_picture_that_cannot_be_held_is_refused_before_it_is_rendered():
         InputError, match=r"(65536 x 65536 is 4,294,967,296 pixels|GB of memory), .* rt lightfield render"
     ):
         render(build(text, "test.yaml"))
-
-
-def test_crops_are_counted_in_pixels_of_the_whole_picture(tmp_path):
-    with pytest.raises(InputError, match="0,0,48,60"):
-        render(scene(), crop=(0, 0, 49, 60))

@@ -8,14 +8,11 @@ import pytest
 import raytracer as rt
 from raytracer.analysis.explain.camera_numbers import CameraView
 from raytracer.optics.lens_system.first_order import cardinal_points
-from raytracer.optics.lens_system.lens_setup import equivalent_thin_lens
 from raytracer.optics.lens_system.pupils import search
-from raytracer.plugins.cameras.base.interface import translate_camera
-from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
 from raytracer.scene.load import build, build_plain, load
 from raytracer.scene.pack.scene import pack
 from raytracer.util.errors import SceneError
-from tests.optics.lens_system.lens_files import thin, written
+from tests.optics.lens_system.lens_files import written
 from tests.plugins.cameras.kernels import projected, weighted_rays
 from tests.repository import SCENES
 
@@ -89,29 +86,6 @@ def test_a_fisheye_sees_what_is_beside_it():
     assert np.isnan(projected(packed, [(1.0, 2.0, 10.0)])[0, :2]).all()
 
 
-def test_a_camera_in_a_recentred_world_sees_the_same():
-    packed = camera(focus_distance=3, f_number=4)
-    by = (10.0, -20.0, 30.0)
-    origins, directions, weights = weighted_rays(packed, np.full(20, 100.0), 70.0)
-    there = weighted_rays(translate_camera(packed, by), np.full(20, 100.0), 70.0)
-    np.testing.assert_allclose(there[0], origins + by, rtol=0.0, atol=1e-12)
-    np.testing.assert_array_equal(there[1], directions)
-    np.testing.assert_array_equal(there[2], weights)
-
-
-def test_the_camera_moves_with_its_lens():
-    spec = scene(focus_distance=3, f_number=4, shutter="{open: 0, close: 1}", motion="{velocity: [1, 0, 0]}")
-    packed = pack_camera(spec.camera, 36, 24)
-    assert isinstance(packed, MovingCamera)
-    still = pack(scene(focus_distance=3, f_number=4)).scene.camera
-    # In the middle of its way it stands half a metre to the right.
-    here, there = CameraView(scene(focus_distance=3), still), CameraView(spec, packed)
-    assert there.project(np.array([1.5, 2.0, 0.0]), 0.5)[0] == pytest.approx(
-        CameraView(spec, packed._replace(camera=packed.camera)).project(np.array([1.0, 2.0, 0.0]), 0.0)[0], abs=1e-6
-    )
-    assert here.pupil() == pytest.approx(there.pupil())
-
-
 # ---- Focus
 
 
@@ -138,16 +112,6 @@ def test_the_sensor_moves_back_for_what_is_near():
 
 
 # ---- The thin lens in place of it
-
-
-def test_the_thin_lens_of_a_thin_piece_of_glass_is_that_glass(tmp_path):
-    path = thin(tmp_path, 50.0, 8.0)
-    for distance in (math.inf, 2.0, 0.3):
-        setting = scene(path, f_number=16, focus_distance=distance).camera.lens_setup()
-        result = equivalent_thin_lens(setting.surfaces, setting.film, 1e3 * distance)
-        assert result.focal_length == pytest.approx(50.0, rel=1e-3)
-        assert result.aperture == pytest.approx(50.0 / 16.0, rel=1e-3)
-        assert result.f_number == pytest.approx(16.0, rel=1e-3)
 
 
 def test_the_thin_lens_sees_as_much_and_blurs_as_much():

@@ -12,7 +12,6 @@ from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.plugins.cameras.light_field import LightField
 from raytracer.plugins.cameras.thin_lens import ThinLens
 from raytracer.scene.load import build
-from raytracer.schema.registry import CAMERAS
 from raytracer.util.errors import SceneError
 from tests.plugins.cameras.kernels import weighted_rays
 from tests.plugins.cameras.test_cameras import camera
@@ -248,18 +247,6 @@ def test_the_mean_over_the_pixels_of_a_microlens_is_the_ordinary_photograph(raw)
     assert relative < 0.01
 
 
-def test_pixels_in_the_middle_of_sub_images_are_the_pinhole_view(raw):
-    layout = raw.layout
-    field = layout.light_field(raw)
-    assert field.views.nearest() == (7, 7)
-    # What the middle pixel sees through is a square of 0.67 mm, of a lens of 10 mm.
-    hole = picture(in_place(layout, type="pinhole"), 1024, 20)
-    relative = math.sqrt(((field.view(7, 7) - hole.radiance) ** 2).mean() / (hole.radiance**2).mean())
-    wide = field.radiance[0:15, 0:15].mean(axis=(0, 1)) * 4.0 / math.pi
-    assert relative < 0.1
-    assert relative < 0.6 * math.sqrt(((wide - hole.radiance) ** 2).mean() / (hole.radiance**2).mean())
-
-
 def test_views_see_from_where_they_are_said_to_be(raw):
     """Points before the plane of focus go left as the view goes right, by the one formula of `Views`."""
     layout = raw.layout
@@ -343,7 +330,3 @@ def test_a_picture_without_room_for_a_sub_image_holds_no_views():
     assert spec.layout(29, 60) is None
     assert [warned.keys for warned in spec.warnings(29, 60) if "holds no views" in warned.text] == [("microlenses",)]
     assert "views" not in spec.describe(29, 60)
-
-
-def test_the_kind_is_known():
-    assert CAMERAS.specs()["light_field"] is LightField

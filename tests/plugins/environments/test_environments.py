@@ -6,7 +6,6 @@ import pytest
 from raytracer.film.formats.base.image_format import StoredImage
 from raytracer.schema.registry import ENVIRONMENTS
 from tests.plugins.environments.kernels import seen
-from tests.small_scenes import image
 
 EXAMPLES = {
     "constant": [{"radiance": 1.0}, {"radiance": [0.1, 0.2, 3.0]}],
@@ -75,40 +74,3 @@ def test_gradient_is_never_negative():
     dark = packed("gradient", {"horizon": 0.0, "zenith": [0.0, 5.0, 1.0]})
     assert not seen(dark, [0.0, -1.0 - 2.0**-52, 0.0]).any()
     np.testing.assert_array_equal(seen(dark, [0.0, 1.0 + 2.0**-52, 0.0])[0], [0.0, 5.0, 1.0])
-
-
-SKY = """
-camera: {type: pinhole, look_from: [0, 0, 0], look_at: [0, 0, -1], vfov: 90}
-environment: {type: gradient, horizon: [1, 0, 2], zenith: [0, 5, 0]}
-objects:
-  - {type: sphere, center: [0, 0, 50], radius: 1}
-"""
-
-
-def test_camera_sees_the_gradient():
-    # Pixel centres of a film of 3 by 3 at 90 degrees look along (-2/3, 0, 2/3) up and across; 0.01 of film is a point.
-    picture = image(SKY, width=201, height=201, spp=1, max_depth=1)
-    for row in (0, 67, 100, 150, 200):
-        y = (100 - row) / 100.5
-        height = y / np.sqrt(1.0 + y * y)
-        a = 0.5 * (height + 1.0)
-        # Within half a pixel of the film up or down.
-        np.testing.assert_allclose(picture.radiance[row, 100], [1.0 - a, 5.0 * a, 2.0 - 2.0 * a], atol=5.0 * 0.5 / 201)
-
-
-def test_a_matte_floor_gathers_the_gradient():
-    # The mean of (1 - a) horizon + a zenith over the cosine-weighted upper hemisphere: E[y] = 2/3, so a = 5/6.
-    picture = image(
-        """
-camera: {type: pinhole, look_from: [0, 3, 0], look_at: [0, 0, 0], up: [0, 0, 1], vfov: 10}
-environment: {type: gradient, horizon: [1, 0, 2], zenith: [0, 5, 0]}
-objects:
-  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 2, material: {type: lambertian, albedo: 1}}
-""",
-        spp=256,
-    )
-    assert picture.variance is not None
-    value = picture.radiance.mean(axis=(0, 1))
-    deviation = np.sqrt(picture.variance.sum(axis=(0, 1))) / 256
-    np.testing.assert_array_less(np.abs(value - [1.0 / 6.0, 25.0 / 6.0, 1.0 / 3.0]), 4.0 * deviation)
-    assert (deviation < 0.005).all()

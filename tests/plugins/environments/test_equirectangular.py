@@ -10,7 +10,7 @@ from raytracer.plugins.environments.base.equirectangular import equirectangular
 from raytracer.scene.pack.scene import pack
 from raytracer.schema.registry import ENVIRONMENTS
 from tests.plugins.environments.kernels import density, drawn, seen
-from tests.small_scenes import assert_mean, image, mean, scene
+from tests.small_scenes import assert_mean, image, scene
 from tests.statistics import chi2_test
 
 RNG = np.random.default_rng(11)
@@ -229,18 +229,6 @@ def test_maps_of_what_is_no_radiance_are_refused(value, words):
         equirectangular(picture)
 
 
-def test_maps_are_packed_as_one_type():
-    small, large = equirectangular(np.ones((1, 1, 3))), equirectangular(np.ones((8, 16, 3)), 30.0)
-    assert small is not None
-    assert large is not None
-    for one_field, other in zip(small, large, strict=True):
-        assert type(one_field) is type(other)
-        if isinstance(one_field, np.ndarray):
-            assert one_field.dtype == other.dtype
-            assert one_field.flags.c_contiguous
-            assert other.flags.c_contiguous
-
-
 # ---- In a scene
 
 BALL = """
@@ -258,32 +246,6 @@ def text_of(file, albedo, background=""):
 def write(folder, picture):
     np.save(folder / "map.npy", picture)
     return "map.npy"
-
-
-def test_a_map_of_one_colour_is_a_constant_environment(tmp_path):
-    # A furnace: the ball of albedo 1 in radiance 1 is 1, by aiming and by following together.
-    file = write(tmp_path, np.ones((8, 16, 3)))
-    assert_mean(image(text_of(file, 1.0), base=tmp_path, spp=64), 1.0)
-
-
-def test_aiming_changes_no_picture(tmp_path):
-    # The same scene with surfaces that aim at the map, and with paths that find it by themselves.
-    rng = np.random.default_rng(2)
-    file = write(tmp_path, rng.random((6, 12, 3)) ** 3)
-    aimed = image(text_of(file, 0.7), base=tmp_path, spp=512, seed=1)
-    kind = ENVIRONMENTS.specs()["image"]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kind, "has_importance_sampling", False)
-        followed = image(text_of(file, 0.7), base=tmp_path, spp=2048, seed=2)
-    (value, deviation), (other, other_deviation) = mean(aimed), mean(followed)
-    np.testing.assert_array_less(np.abs(value - other), 4.0 * np.hypot(deviation, other_deviation))
-    assert (np.hypot(deviation, other_deviation) < 0.01 * value).all()
-    # By pixels too: not more of them far apart than chance has it.
-    assert aimed.variance is not None
-    assert followed.variance is not None
-    z = (aimed.radiance - followed.radiance) / np.sqrt(aimed.variance + followed.variance)
-    assert np.abs(z).max() < 5.0
-    assert 0.8 < z.std() < 1.2
 
 
 def test_a_small_bright_lamp_is_found(tmp_path):

@@ -70,17 +70,6 @@ def test_samples_are_sound(kind, keys):
     assert (aimed.gap < np.linalg.norm(way, axis=1)).all()
 
 
-@pytest.mark.parametrize(("kind", "keys"), CASES)
-def test_tables_are_float64_rows_in_order(kind, keys):
-    # Integers or numbers, one or many lights: the same compiled code.
-    table = table_of(kind, keys, keys)
-    for field in table:
-        if isinstance(field, np.ndarray):
-            assert field.dtype == np.float64
-            assert field.flags.c_contiguous
-            assert len(field) == 2
-
-
 @pytest.mark.parametrize("kind", EXAMPLES)
 def test_what_does_not_shine_is_left_out(kind):
     keys = EXAMPLES[kind][0]
@@ -150,14 +139,6 @@ def test_spot_is_weighted_by_its_flux(angle, penumbra):
     assert spec.solid_angle() == pytest.approx(2.0 * math.pi * (np.sin(t) * fall).sum() * half / 200_000, rel=1e-8)
 
 
-def test_direction_and_look_at_are_the_same_axis():
-    keys = {"position": [1, 2, 3], "intensity": 1, "angle": 40}
-    one = table_of("spot", {**keys, "look_at": [0, 0, 3]})
-    other = table_of("spot", {**keys, "direction": [-1e-30, -2e-30, 0]})
-    np.testing.assert_allclose(one.axis, other.axis, rtol=1e-15)
-    np.testing.assert_allclose(one.axis, [[-1.0 / math.sqrt(5.0), -2.0 / math.sqrt(5.0), 0.0]], rtol=1e-15)
-
-
 # ---- Sun
 
 
@@ -222,16 +203,6 @@ def test_both_ways_to_a_disc_share_it():
         shared = escaped(lights, np.array([[0.0, 1.0, 0.0]]), pdf)
         by_light = power_heuristic(float(aimed.pdf[0]), pdf)
         assert shared[0, 0] / seen[0, 0] + by_light == pytest.approx(1.0, rel=1e-14)
-
-
-def test_only_a_disc_without_a_size_is_parallel_light():
-    spec = LIGHTS.specs()["sun"]
-    assert not spec.model_validate(
-        {"type": "sun", "direction": [0, 1, 0], "irradiance": 1, "angle": 0}
-    ).is_visible_to_paths()
-    assert spec.model_validate(
-        {"type": "sun", "direction": [0, 1, 0], "irradiance": 1, "angle": 1e-30}
-    ).is_visible_to_paths()
 
 
 # ---- In a scene

@@ -102,13 +102,6 @@ def test_extreme_coefficients_make_no_nan(extinction, distance):
             assert np.isfinite(weight).all()
 
 
-def test_a_row_is_that_of_its_medium():
-    table = packed(GREY, COLOURED)
-    for index, spec in enumerate((GREY, COLOURED)):
-        result = transmittance_many(table, 1, index=index, distance=0.4)[0]
-        np.testing.assert_allclose(result, np.exp(-0.4 * coefficients(spec)[0]), rtol=1e-14)
-
-
 # ---- Grid
 
 

@@ -11,7 +11,6 @@ import numba
 import numpy as np
 import pytest
 
-import raytracer.rendering.render
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack
 from tests.small_scenes import image, mean
@@ -229,46 +228,6 @@ ROOM = """
 """
 
 
-def both_ways(monkeypatch, *arguments, **settings):
-    """The same picture with light sampling and without."""
-    a, deviation_a = mean(picture(*arguments, **settings))
-
-    def without_lights(spec, **settings):
-        packed = pack(spec, **settings)
-        return packed._replace(scene=packed.scene._replace(lights=None))
-
-    monkeypatch.setattr(raytracer.rendering.render, "pack", without_lights)
-    b, deviation_b = mean(picture(*arguments, seed=2, **settings))
-    monkeypatch.undo()
-    deviation = np.hypot(deviation_a, deviation_b)
-    assert (deviation < 0.02 * b).all(), "too noisy to tell"
-    assert (np.abs(a - b) < 4.5 * deviation).all(), (a, b, (a - b) / deviation)
-    assert (deviation_a < 0.5 * deviation_b).all(), "aiming at lights does not help"
-
-
-@pytest.mark.parametrize("where", ["ball", "scene"])
-def test_light_sampling_leaves_the_mean_alone(monkeypatch, where):
-    # Many times scattered, from and to surfaces within and outside of the fog, in the shadow of both.
-    camera = "look_from: [0, 0.3, 4], look_at: [0, 0, 0], vfov: 35"
-    smoke = "smoke: {type: homogeneous, extinction: [0.4, 1, 2.5], albedo: [0.9, 0.3, 0.6], g: 0.4}"
-    thin = smoke.replace("[0.4, 1, 2.5]", "[0.04, 0.1, 0.2]")
-    if where == "ball":
-        both_ways(monkeypatch, ROOM, smoke, camera=camera, spp=6144, rr_depth=3)
-    else:
-        both_ways(monkeypatch, ROOM, thin, camera=camera, scene="medium: smoke", spp=2048, rr_depth=3)
-
-
-def test_a_boundary_between_the_same_media_is_nothing():
-    camera = "look_from: [0, 0.3, 4], look_at: [0, 0, 0], vfov: 35"
-    smoke = "smoke: {type: homogeneous, extinction: 0.1, albedo: 0.8, g: 0.4}"
-    shell = "  - {type: sphere, center: [0.1, 0, 0.2], radius: 0.8, medium: smoke}\n"
-    a, deviation_a = mean(picture(ROOM + shell, smoke, camera=camera, scene="medium: smoke", spp=512, rr_depth=3))
-    b, deviation_b = mean(picture(ROOM, smoke, camera=camera, scene="medium: smoke", spp=512, seed=2, rr_depth=3))
-    deviation = np.hypot(deviation_a, deviation_b)
-    assert (deviation < 0.01 * b).all()
-    assert (np.abs(a - b) < 4.5 * deviation).all()
-
-
 def test_a_constant_grid_looks_homogeneous(tmp_path):
     np.save(tmp_path / "half.npy", np.full((9, 3, 20), 0.5))
     camera = "look_from: [0, 0.3, 4], look_at: [0, 0, 0], vfov: 35"
@@ -324,12 +283,3 @@ def test_a_light_seen_edge_on_is_not_brighter_through_fog():
     camera = "look_from: [0, 0.001, 4], look_at: [0, -1, 0], vfov: 60, medium: smoke"
     result = picture(lamp, smoke, camera=camera, max_depth=30, spp=256)
     assert result.radiance.max() < 10.0
-
-
-def test_values_of_a_medium_are_not_part_of_the_type():
-    base = PLAIN.replace("CAMERA", "").replace("MEDIUM", ", medium: fog")
-    expected = numba.typeof(pack(build(base, "test.yaml")).scene)
-    other = {"media.fog": {"type": "homogeneous", "extinction": [1, 2, 3], "albedo": 1, "g": -1}, "medium": "fog"}
-    assert numba.typeof(pack(build(base, "test.yaml", {"medium": "fog"})).scene) == expected
-    del other["medium"]
-    assert numba.typeof(pack(build(base, "test.yaml", other)).scene) == expected

@@ -140,19 +140,6 @@ def test_degenerate_coordinates_have_no_tangents(tmp_path):
     assert not result[5:11].any()
 
 
-def test_ply_files_have_coordinates_under_several_names(tmp_path):
-    for names in (("s", "t"), ("u", "v"), ("texture_u", "texture_v")):
-        path = tmp_path / "a.ply"
-        path.write_text(
-            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-            f"property float {names[0]}\nproperty float {names[1]}\nelement face 1\n"
-            "property list uchar int vertex_indices\nend_header\n0 0 0 0.1 0.2\n1 0 0 0.3 0.4\n0 1 0 0.5 0.6\n3 0 1 2\n"
-        )
-        uv = read_mesh(path).uv
-        assert uv is not None
-        np.testing.assert_allclose(uv, [(0.1, 0.2), (0.3, 0.4), (0.5, 0.6)])
-
-
 def test_seams_keep_both_of_their_coordinates(tmp_path):
     # The vertex 1 has one coordinate in each triangle.
     path = tmp_path / "seam.obj"
