@@ -59,21 +59,16 @@ def foote(slope, f_number):
 
 LENS = "type: thin_lens, focal_length: 50, focus_distance: .inf"
 FLAT = f"{LENS}, pupil: flat"
-F_NUMBERS = [0.5, 0.95, 1.4, 2.8, 8.0, 22.0]
 
 
 # ---- Apertures
 
 
-@pytest.mark.parametrize("f_number", F_NUMBERS)
-def test_a_corrected_lens_is_as_bright_as_its_f_number_says(f_number):
-    """The sine condition: the cone on the film has sin = 1 / 2N, so that E = pi L / (4 N^2) on the axis."""
+@pytest.mark.parametrize("f_number", [0.5, 0.95, 1.4, 2.8, 8.0, 22.0])
+def test_a_lens_is_as_bright_as_its_f_number_says(f_number):
+    # Corrected, by the sine condition: the cone on the film has sin = 1 / 2N, so E = pi L / (4 N^2) on the axis; a flat
+    # pupil gathers pi L sin^2 of the cone's half angle, which is atan(1 / 2N).
     assert on_axis(f"{LENS}, f_number: {f_number}") == pytest.approx(1.0 / (4.0 * f_number**2), rel=2e-3)
-
-
-@pytest.mark.parametrize("f_number", F_NUMBERS)
-def test_a_flat_pupil_gathers_what_its_cone_holds(f_number):
-    """E = pi L sin^2 of the cone's half angle, which here is atan(1 / 2N): pi L / (1 + 4 N^2)."""
     assert on_axis(f"{FLAT}, f_number: {f_number}") == pytest.approx(1.0 / (1.0 + 4.0 * f_number**2), rel=2e-3)
 
 
@@ -88,9 +83,6 @@ def test_off_the_axis_flat_pupils_are_as_foote_says(f_number, angle):
     slope = math.tan(math.radians(angle))
     found = off_axis(f"{FLAT}, f_number: {f_number}", slope, 50.0)
     assert found == pytest.approx(foote(slope, f_number), rel=5e-3)
-    if (f_number, angle) == (1.4, 20.0):
-        # The worked number; cos^4 says 0.0995.
-        assert found == pytest.approx(0.092460, rel=5e-3)
 
 
 @pytest.mark.parametrize("angle", [10.0, 20.0, 40.0])
@@ -163,23 +155,12 @@ def test_ten_equal_exposures():
     assert np.mean(row) == pytest.approx(179.0 * math.pi / 4.0 / 1024.0 * 100.0 / 78.0, rel=2e-3)
 
 
-ENGRAVED = {
-    1.4: 1 / 500,
-    2: 1 / 250,
-    2.8: 1 / 125,
-    4: 1 / 60,
-    5.6: 1 / 30,
-    8: 1 / 15,
-    11: 1 / 8,
-    16: 1 / 4,
-    22: 1 / 2,
-    32: 1,
-}
+ENGRAVED = dict(zip([1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32], [500, 250, 125, 60, 30, 15, 8, 4, 2, 1], strict=True))
 
 
 def test_the_engraved_numbers_are_within_an_eighth_of_a_stop():
     exact = 179.0 * math.pi / 4.0 / 1024.0 * 100.0 / 78.0
-    stops = [math.log2(exposed(f_number, seconds) / exact) for f_number, seconds in ENGRAVED.items()]
+    stops = [math.log2(exposed(f_number, 1 / part) / exact) for f_number, part in ENGRAVED.items()]
     assert max(map(abs, stops)) < 0.125
     # They do differ, by 8.8 %.
     assert 2.0 ** (max(stops) - min(stops)) == pytest.approx(1.088, abs=2e-3)
