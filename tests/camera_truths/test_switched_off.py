@@ -75,8 +75,7 @@ PAIRS = {name: (off, STILL, plain) for name, (off, plain) in OFF.items()} | {
 
 
 def packed(camera, rest=STILL):
-    text = f"camera: {{{LOOK}, {camera}}}\n{rest}"
-    return pack(scene(text, width=24, height=16, spp=8, max_depth=4, sampler="sobol", filled=False)).scene
+    return pack(scene(f"camera: {{{LOOK}, {camera}}}\n{rest}", filled=False)).scene
 
 
 @pytest.mark.parametrize("name", PAIRS)

@@ -6,14 +6,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from raytracer.core.geometry import Exact
 from raytracer.core.sampling.alias import AliasTable
 from raytracer.plugins.lights.base.light_choice import count_lights, light_probability
 from raytracer.plugins.lights.emitters import ABSENT
 from raytracer.scene.pack.scene import pack
 from tests.plugins.lights.kernels import aim, pdf_of
 from tests.plugins.shapes.kernels import built, cast
-from tests.small_scenes import image, mean, scene
+from tests.small_scenes import scene
 
 CAMERA = "camera: {type: pinhole, look_from: [0, 0, 9], look_at: [0, 0, 0], vfov: 40}\n"
 
@@ -68,9 +67,6 @@ def test_emitters_are_chosen_by_power_from_far_away():
     assert chosen == {row: pytest.approx(power / total, rel=1e-6) for row, power in POWERS.items()}
     # By primitive: no row for what does not emit.
     assert np.count_nonzero(lights.row != ABSENT) == 4
-    for field in (lights.table, lights.primitive, lights.material, lights.first, lights.row):
-        assert field.dtype == np.int32
-        assert field.flags.c_contiguous
 
 
 def test_emitters_near_by_are_chosen_more_often():
@@ -173,7 +169,6 @@ def test_reflected_light_of_a_single_emitter_draws_no_choice():
     # Density of a square metre seen from 2 m below: d^3 / (2 A).
     distance = np.linalg.norm(target - [0.5, 0.0, 0.5], axis=1)
     np.testing.assert_allclose(pdf, distance**3 / 2.0, rtol=1e-12)
-    assert Exact() == ()
 
 
 def warped_grid(cells):
@@ -189,24 +184,21 @@ def warped_grid(cells):
     return "\n".join(lines)
 
 
-FLOOR = """
-camera: {type: pinhole, look_from: [0, 2, 0], look_at: [0, 0, 0], up: [0, 0, 1], vfov: 20}
-objects:
-  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 9, material: {type: lambertian, albedo: 1}}
-"""
-
-
 def test_many_triangles_light_as_the_quad_that_they_make(tmp_path):
     (tmp_path / "grid.obj").write_text(warped_grid(100))
     lamp = "material: {type: emitter, radiance: [1, 2, 3]}}\n"
-    mesh = FLOOR + "  - {type: mesh, file: grid.obj, " + lamp
-    quad = FLOOR + "  - {type: quad, corner: [-1, 3, -1], edges: [[2, 0, 0], [0, 0, 2]], " + lamp
-    (lights,) = pack(scene(mesh, base=tmp_path, filled=False)).scene.lights.tables
+    floor = "  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 9, material: {type: lambertian}}\n"
+    mesh = packed(floor + "  - {type: mesh, file: grid.obj, " + lamp, base=tmp_path)
+    quad = packed(floor + "  - {type: quad, corner: [-1, 3, -1], edges: [[2, 0, 0], [0, 0, 2]], " + lamp)
+    (lights,) = mesh.lights.tables
     assert len(lights.table) == 20_000
     powers = lights.choice.nodes[len(lights.choice.row) :, 4]
     assert powers.max() > 1e4 * powers[powers > 0.0].min()
     (value, deviation), (other, other_deviation) = (
-        mean(image(text, base=tmp_path, spp=256, max_depth=2, seed=seed)) for seed, text in enumerate((mesh, quad), 1)
+        (irradiance.mean(axis=0), irradiance.std(axis=0) / math.sqrt(len(irradiance)))
+        for each in (mesh, quad)
+        for light in [aim(each.lights, each, (0.2, 0.0, -0.1), 40_000)]
+        for irradiance in [light.weight * light.direction[:, 1:2]]
     )
     np.testing.assert_array_less(np.abs(value - other), 4.0 * np.hypot(deviation, other_deviation))
     assert (deviation < 0.005 * value).all()

@@ -8,7 +8,10 @@ import pytest
 from raytracer.core.sampling.alias import AliasTable
 from raytracer.plugins.lights.base.light_choice import choose_light, count_lights, light_probability, translate_choice
 from raytracer.plugins.lights.base.light_tree import LightTree, build_choice
-from tests.small_scenes import image, mean
+from raytracer.scene.pack.scene import pack
+from tests.plugins.lights.kernels import aim
+from tests.small_scenes import scene
+from tests.vectorised import rows, vectorised
 
 POINTS = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5), (-3.0, 40.0, 2.0), (1e6, -2e7, 3.0))
 
@@ -19,29 +22,32 @@ def random_lights(count, seed=1):
     return 10.0 ** rng.uniform(-3.0, 3.0, count), (lower, lower + 0.1 * rng.random((count, 3)))
 
 
+def probabilities(tree, points, lights):
+    """Probabilities (points, lights)."""
+    at, row = np.repeat(points, lights, axis=0), np.tile(np.arange(lights), len(points))
+    return vectorised(light_probability)(tree, rows(np.array(at, np.float64)), rows(row)).reshape(-1, lights)
+
+
 @pytest.mark.parametrize("count", [2, 3, 8, 9, 100])
 def test_probabilities_add_up_to_one(count):
     tree = build_choice(*random_lights(count))
     assert isinstance(tree, LightTree)
     assert count_lights(tree) == count
-    for point in POINTS:
-        assert math.fsum(light_probability(tree, point, row) for row in range(count)) == pytest.approx(1.0, rel=1e-12)
+    np.testing.assert_allclose(probabilities(tree, POINTS, count).sum(axis=1), 1.0, rtol=1e-12)
 
 
 def test_lights_are_chosen_as_often_as_the_probability_says():
     count, bins = 5, 40_000
     tree = build_choice(*random_lights(count))
-    for point in POINTS:
+    for point, expected in zip(POINTS, probabilities(tree, POINTS, count), strict=True):
         # Numbers in order fall into intervals as long as the probabilities, so no chance is involved.
-        chosen = [choose_light(tree, point, (index + 0.5) / bins) for index in range(bins)]
-        share = np.bincount([row for row, _, _ in chosen], minlength=count) / bins
-        expected = [light_probability(tree, point, row) for row in range(count)]
+        chosen, probability, rest = vectorised(choose_light)(tree, point, rows((np.arange(bins) + 0.5) / bins))
+        share = np.bincount(chosen, minlength=count) / bins
         np.testing.assert_allclose(share, expected, atol=count / bins)
-        for row, probability, rest in chosen:
-            assert probability == pytest.approx(expected[row], rel=1e-12)
-            assert 0.0 <= rest < 1.0
+        np.testing.assert_allclose(probability, expected[chosen], rtol=1e-12)
         # What is left of the number is even again.
-        assert np.mean([rest for row, _, rest in chosen if row == np.argmax(share)]) == pytest.approx(0.5, abs=1e-3)
+        assert ((rest >= 0.0) & (rest < 1.0)).all()
+        assert rest[chosen == np.argmax(share)].mean() == pytest.approx(0.5, abs=1e-3)
 
 
 def test_two_equal_lights_are_chosen_by_the_square_of_distance():
@@ -113,10 +119,17 @@ objects:
 )
 
 
-def test_many_lamps_light_a_floor_as_if_chosen_by_power(monkeypatch):
-    by_tree = mean(image(ROW_OF_LAMPS, spp=64, max_depth=2))
+def test_many_lamps_light_a_point_as_if_chosen_by_power(monkeypatch):
+    spec = scene(ROW_OF_LAMPS, filled=False)
+    by_tree = pack(spec).scene
     monkeypatch.setattr("raytracer.scene.pack.lights.boxes", lambda *_: None)
-    by_power = mean(image(ROW_OF_LAMPS, spp=64, max_depth=2, seed=2))
-    np.testing.assert_array_less(np.abs(by_tree[0] - by_power[0]), 4.0 * np.hypot(by_tree[1], by_power[1]))
-    # With 36 lamps just over it, most of the light at a point is that of the nearest.
-    np.testing.assert_array_less(by_tree[1], 0.75 * by_power[1])
+    means, deviations = [], []
+    for packed in (by_tree, pack(spec).scene):
+        light = aim(packed.lights, packed, (0.7, 0.0, -1.2), 100_000)
+        irradiance = light.weight[:, 0] * light.direction[:, 1]
+        means.append(irradiance.mean())
+        deviations.append(irradiance.std() / math.sqrt(100_000))
+    assert abs(means[0] - means[1]) < 4.0 * math.hypot(*deviations)
+    assert deviations[0] < 0.02 * means[0]
+    # With 36 lamps just over the floor, most of the light at a point is that of the nearest.
+    assert deviations[0] < 0.75 * deviations[1]
