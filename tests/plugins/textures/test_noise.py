@@ -3,22 +3,14 @@
 import numpy as np
 import pytest
 
-from raytracer.core.compiler.dispatch import entry
 from raytracer.plugins.textures.noise import fractal_noise, perlin
 from tests.plugins.textures.kernels import looked_up, slopes, spec_of, table_of
-
-
-@entry
-def _noise(points, seed, octaves, out):
-    for i in range(len(points)):
-        point = (points[i, 0], points[i, 1], points[i, 2])
-        out[i] = perlin(point, seed) if octaves == 0 else fractal_noise(point, seed, octaves)
+from tests.vectorised import rows, vectorised
 
 
 def noise(points, seed=0, octaves=0):
-    out = np.empty(len(points))
-    _noise(np.ascontiguousarray(points, np.float64), seed, octaves, out)
-    return out
+    at = rows(np.asarray(points, np.float64))
+    return vectorised(fractal_noise)(at, seed, octaves) if octaves else vectorised(perlin)(at, seed)
 
 
 def random_points(count, seed=3, size=100.0):
