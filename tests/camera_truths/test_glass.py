@@ -56,7 +56,7 @@ def _width(top, film):
     return math.sqrt(8.0 * square)
 
 
-@pytest.mark.parametrize("f_number", [4.5, 5.0, 7.0])
+@pytest.mark.parametrize("f_number", [4.5, 7.0])
 @pytest.mark.parametrize("focus", ["marginal", "rms"])
 def test_the_blur_of_the_plano_convex_singlet(tmp_path, f_number, focus):
     """At f/5 light is up to 10 mm from the axis, and crosses it from 95.418 to 100 mm behind the lens."""
@@ -134,17 +134,6 @@ def test_limits_of_the_depth_of_field_by_rays_through_glass():
         assert _traced_blur(2.8, 3.0, at) == pytest.approx(0.03, abs=2e-6)
     # 28 mm, f/11 at 2.5 m: infinity is within them.
     assert _traced_blur(11.0, 2.5, 1e6, focal_length=28.0) < 0.03
-
-
-@pytest.mark.parametrize(("focal", "expected"), [(17.0, 103.68), (50.0, 46.79), (200.0, 12.35)])
-def test_field_of_view_by_rays_through_the_middle_of_glass(focal, expected):
-    c = 1.0 / focal
-    lens = Lens("thin", (Element(c, 1e-9, constant_index_glass(1.5), 0.5 / c), Element(-c, 0.0, AIR, 0.5 / c)))
-    way = unit([[0.0, math.hypot(18.0, 12.0), -focal]])
-    found = gone_through(lens, [[0.0, -math.hypot(18.0, 12.0), focal]], way, towards_film=False)
-    assert found.weights[0] == 1.0
-    slope = -found.directions[0, 1] / found.directions[0, 2]
-    assert 2.0 * math.degrees(math.atan(slope)) == pytest.approx(expected, abs=0.005)
 
 
 # ---- Pictures

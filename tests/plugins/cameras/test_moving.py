@@ -60,6 +60,8 @@ def test_rays_of_a_moving_camera_are_those_of_the_resting_one_moved(kind):
         {"shutter": 2, "motion": {"velocity": [0, 0, 0]}},
         {"shutter": {"close": 1}, "motion": {"keyframes": [{"time": t, "transform": []} for t in (0, 1)]}},
         {"shutter": "1/60 s", "time": 3},
+        {"shake": {"amplitude": 1}, "time": 2, "shutter": 0},
+        {"shake": {"amplitude": 0, "bandwidth": 3, "seed": 4}, "shutter": 1},
     ],
 )
 def test_a_camera_that_does_not_move_is_packed_as_without_the_keys(kind, keys):

@@ -99,21 +99,6 @@ def test_a_short_exposure_is_shaken_little():
     np.testing.assert_allclose(result, expected, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    "keys",
-    [
-        {"shake": {"amplitude": 1}},
-        {"shake": {"amplitude": 1}, "time": 2, "shutter": 0},
-        {"shake": {"amplitude": 0, "bandwidth": 3, "seed": 4}, "shutter": 1},
-    ],
-)
-def test_a_hand_that_is_still_or_has_no_time_is_packed_as_none(keys):
-    still = pack_camera(camera(), WIDTH, HEIGHT)
-    packed = pack_camera(camera(**keys), WIDTH, HEIGHT)
-    assert type(packed) is type(still)
-    assert repr(packed) == repr(still)
-
-
 def test_a_shake_too_fast_to_follow_is_refused():
     with pytest.raises(ValueError, match="shakes 1e\\+06 times while the shutter is open, and at most 4096 times"):
         camera(shutter=1000, shake={"amplitude": 1, "bandwidth": "1 kHz"})

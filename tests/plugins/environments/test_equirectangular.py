@@ -95,17 +95,6 @@ def test_map_is_bilinear_between_centres(name):
     np.testing.assert_allclose(seen(packed(name), DIRECTIONS), expected, rtol=1e-9, atol=1e-9 * picture.max())
 
 
-def test_poles_and_seam_are_seen():
-    environment = packed("noise")
-    exact = np.array([[0, 1, 0], [0, -1, 0], [0, 0, -1], [-0.0, 0, -1], [0, 1, -0.0]], np.float64)
-    assert np.isfinite(seen(environment, exact)).all()
-    assert np.isfinite(density(environment, exact)).all()
-    # Continuous over the seam.
-    across = np.array([[1e-9, 0.1, -1.0], [-1e-9, 0.1, -1.0]]) / math.hypot(1.0, 0.1)
-    left, right = seen(environment, across)
-    np.testing.assert_allclose(left, right, rtol=1e-6)
-
-
 @pytest.mark.parametrize("degrees", [90.0, -30.0, 360.0, 1234.5])
 def test_rotation_turns_counter_clockwise_from_above(degrees):
     # What was seen along d is seen along R d, where R about +y takes +z towards +x.
@@ -156,16 +145,6 @@ def test_light_is_never_where_nothing_is_drawn_and_extreme_numbers_draw_sound_di
         assert np.isfinite(values).all()
 
 
-def test_a_hot_pixel_has_little_noise():
-    # Radiance over pdf is nearly the same for all: the whole sphere's light, 32 x 16 pixels of it hot in one.
-    out = drawn(packed("hot pixel"), RNG.random((100_000, 2)))
-    each_one = out.radiance[:, 0] / out.pdf
-    assert each_one.std() < 0.2 * each_one.mean()
-    # Uniform directions have a standard deviation of some 20 times the mean.
-    uniform = seen(packed("hot pixel"), DIRECTIONS)[:, 0]
-    assert uniform.std() > 5.0 * uniform.mean()
-
-
 def test_well_spread_numbers_give_well_spread_directions():
     # A grid of numbers, one in each cell: the mean radiance of a hemisphere's worth has far less noise than by chance.
     environment = packed("noise")
@@ -175,7 +154,7 @@ def test_well_spread_numbers_give_well_spread_directions():
         out = drawn(environment, numbers)
         return float((out.radiance[:, 0] * np.maximum(out.direction[:, 1], 0.0) / out.pdf).mean())
 
-    exact = estimate(RNG.random((2_000_000, 2)))
+    exact = estimate(RNG.random((500_000, 2)))
     by_chance = np.std([estimate(RNG.random((4096, 2))) for _ in range(20)])
     assert abs(estimate(grid) - exact) < 0.5 * by_chance
 

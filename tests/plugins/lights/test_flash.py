@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.analysis.explain import explain
 from raytracer.core.shutter.timing import Timing
 from raytracer.plugins.lights.base.interface import Lights
 from raytracer.plugins.lights.flash import Flashes, FlashLight
@@ -144,23 +143,9 @@ def test_paths_have_a_time_only_where_the_flash_needs_it(shutter, lights, motion
         assert result.lights is None or result.lights.tables[0].pulse is None
 
 
-def test_what_no_surface_is_lit_by_is_left_out():
-    mirror = pack(scene(text_of("shutter: 1", ON, "{velocity: [1, 0, 0]}", "{type: metal, fuzz: 0}"), filled=False))
-    assert mirror.scene.lights is None
-    assert mirror.scene.shutter.pulses is None
-
-
 def test_a_flash_needs_an_exposure():
     with pytest.raises(SceneError, match=r"lights\[0\]: a flash needs a shutter that is open for some time"):
         pack(scene(text_of("time: 1", ON), filled=False))
-
-
-def test_flashes_are_explained():
-    effects = explain(scene(text_of("shutter: {duration: 1, readout: 0.1}", ON), filled=False)).effects
-    assert effects["light.flash"].active
-    assert effects["rolling_shutter"].active
-    assert not effects["motion_blur"].active
-    assert effects["light_sampling"].why == "next-event estimation samples 1 flash light"
 
 
 # ---- Pictures

@@ -250,9 +250,8 @@ def test_grids_that_no_flight_would_get_through_are_refused():
         assert numbers.max() < 2 * NUMBERS_PER_DISTANCE
 
 
-def test_samplers_agree_on_a_grid():
+def test_sobols_numbers_fly_as_independent_ones_do():
     origin, direction = RAYS["askew"]
     expected = math.exp(-4.0 * thickness(RANDOM, origin, direction, 4.0))
-    for sampler in ("independent", "stratified", "sobol"):
-        far, _, _ = fly_many(grid(RANDOM, extinction=4.0), 1 << 16, origin=origin, direction=direction, sampler=sampler)
-        assert_means(np.isinf(far)[:, None].astype(float), np.full(1, expected))
+    far, _, _ = fly_many(grid(RANDOM, extinction=4.0), 1 << 16, origin=origin, direction=direction, sampler="sobol")
+    assert_means(np.isinf(far)[:, None].astype(float), np.full(1, expected))
