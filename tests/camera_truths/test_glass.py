@@ -12,14 +12,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from raytracer.optics.glass import AIR, constant_index_glass
-from raytracer.optics.lens_system.lens import Element, Lens
-from raytracer.optics.thin_lens import circle_of_confusion, far_limit, near_limit
+from raytracer.optics.thin_lens import circle_of_confusion
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack
 from tests.camera_truths.measure import LOOK, blur_px, moments, pixels, spot
 from tests.optics.lens_system.lens_files import INDEX, PLANO_CONVEX, ROUND_SIDE, thin, written
-from tests.optics.lens_system.rays import gone_through, unit
 from tests.repository import SCENES
 
 PIXELS = 39
@@ -93,47 +90,6 @@ def test_the_best_focus_by_rms_is_sharper_than_the_marginal_one(tmp_path):
     assert _width(10.0, films["rms"]) <= _width(10.0, films["marginal"])
     for moved in (-0.1, 0.1):
         assert _width(10.0, films["rms"]) < _width(10.0, films["rms"] + moved)
-
-
-# ---- Circle of confusion, by a thin piece of glass
-
-THIN_50 = Lens(
-    "thin", (Element(1.0 / 50.0, 1e-9, constant_index_glass(1.5), 25.0), Element(-1.0 / 50.0, 0.0, AIR, 25.0))
-)
-
-
-def _traced_blur(f_number, focus, distance, *, focal_length=50.0):
-    """Diameter (mm) of the blur of a point of the axis (m), of rays a thousandth of the opening from the axis.
-
-    So near to it glass is ideal; and blurs are in proportion to the opening.
-    """
-    c = 1.0 / focal_length
-    lens = Lens("thin", (Element(c, 1e-9, constant_index_glass(1.5), 0.5 / c), Element(-c, 0.0, AIR, 0.5 / c)))
-    small = 1e-3 * 0.5 * focal_length / f_number
-    film = 1.0 / (c - 1e-3 / focus)
-    way = unit([[0.0, small, 1e3 * distance]])
-    found = gone_through(lens, [[0.0, 0.0, -1e3 * distance]], way)
-    ahead = (film - found.points[0, 2]) / found.directions[0, 2]
-    return 2e3 * abs(float(found.points[0, 1] + ahead * found.directions[0, 1]))
-
-
-def test_the_circle_of_confusion_by_rays_through_glass():
-    # 50 mm f/1.4 focused at 2 m, a point at 4 m: 0.45788 mm.
-    assert _traced_blur(1.4, 2.0, 4.0) == pytest.approx(0.45788, abs=1e-5)
-    for focus, distance in ((2.0, 0.7), (1.0, 30.0), (10.0, 4.0)):
-        expected = circle_of_confusion(50.0 / 1.4, 1.0 / (1.0 / 50.0 - 1e-3 / focus), 1e3 * focus, 1e3 * distance)
-        assert _traced_blur(1.4, focus, distance) == pytest.approx(expected, abs=1e-4)
-
-
-def test_limits_of_the_depth_of_field_by_rays_through_glass():
-    # 50 mm, f/2.8, 0.03 mm, 3 m: 2729.5 and 3330.1 mm, and the blur there is exactly 0.03 mm.
-    for limit in (2.7295, 3.3301):
-        assert _traced_blur(2.8, 3.0, limit) == pytest.approx(0.03, abs=1e-5)
-    for limit in (near_limit, far_limit):
-        at = limit(0.05, 2.8, 3e-5, 3.0)
-        assert _traced_blur(2.8, 3.0, at) == pytest.approx(0.03, abs=2e-6)
-    # 28 mm, f/11 at 2.5 m: infinity is within them.
-    assert _traced_blur(11.0, 2.5, 1e6, focal_length=28.0) < 0.03
 
 
 # ---- Pictures

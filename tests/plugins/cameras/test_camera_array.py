@@ -295,27 +295,6 @@ def _middle(inside):
     return float(columns.mean()), float(rows.mean())
 
 
-def test_a_view_is_what_a_pinhole_in_its_place_sees(whole):
-    """Parallel views, whose films are not shifted, against pinholes beside each other: alike but for noise."""
-    several = render(scene(", convergence_distance: inf", spp=256), threads=2).image
-    views = several.layout
-    assert views is not None
-    offset = views.views.position[0, 1]
-    pose = views.views.pose
-    assert pose is not None
-    shift = offset[0] * np.array(pose.right) + offset[1] * np.array(pose.up)
-    text = SCENE.format(camera="", film="", spp=256).replace("camera_array", "pinhole")
-    text = text.replace(", rows: 3, columns: 2,\n  spacing: [0.6, 0.4]", "")
-    text = text.replace("[0, 0.5, 3]", str([*map(float, np.add([0, 0.5, 3], shift))]))
-    text = text.replace("[0, 0.3, 0]", str([*map(float, np.add([0, 0.3, 0], shift))]))
-    single = render(build(text, "pinhole.yaml"), threads=2, seed=5).image
-    assert single.variance is not None
-    assert several.variance is not None
-    own = np.s_[:20, 24:]
-    verdict = z_test(several.radiance[own], several.variance[own], single.radiance, single.variance)
-    assert verdict.passed, verdict.reason
-
-
 def test_noise_of_views_is_independent(whole):
     """Return the differences of two seeds in the same pixels of two views, over their standard deviations."""
     other = render(scene(), threads=2, seed=9).image
@@ -336,24 +315,6 @@ def test_threads_and_crops_leave_the_bits_of_all_views(whole):
     part = render(scene(), threads=2, crop=(20, 15, 40, 50)).image
     np.testing.assert_array_equal(part.radiance, whole.image.radiance[15:50, 20:40])
     assert part.layout is None
-
-
-def test_filters_draw_from_their_own_view_only(whole):
-    """A row of cameras far apart, one of which sees only a dark ball: nothing of what the others see gets into it."""
-    text = """
-camera: {type: camera_array, look_from: [0, 0, 0], look_at: [0, 0, -1], vfov: 40, rows: 1, columns: 3, spacing: 100,
-  focus_distance: inf}
-film: {width: 8, height: 8, filter: {type: box, width: 14}}
-render: {spp: 64, max_depth: 1, sampler: independent}
-environment: {type: gradient, horizon: [1, 1, 1], zenith: [1, 1, 1]}
-objects:
-  - {type: sphere, center: [0, 0, -30], radius: 29, material: {type: lambertian, albedo: 0}}
-  - {type: quad, corner: [0, -99, 0], edges: [[1, 0, 0], [0, 0, 1]], material: {type: lambertian, albedo: 0}}
-"""
-    field = views_of(render(build(text, "dark.yaml"), threads=2).image)
-    np.testing.assert_array_equal(field.view(0, 1), 0.0)
-    np.testing.assert_allclose(field.view(0, 0), 1.0, atol=1e-12)
-    np.testing.assert_allclose(field.view(0, 2), 1.0, atol=1e-12)
 
 
 @pytest.mark.slow

@@ -173,17 +173,17 @@ def test_focused_microlenses_show_the_image_of_the_plane_of_focus(focal_length):
         ({"f_number": math.inf}, ("f_number",), "there is none"),
         ({"lens": "a.yaml"}, ("focal_length",), "lens and focal_length both say"),
         ({"dispersion": True}, ("dispersion",), "give lens"),
-        (
-            {"focal_length": None, "f_number": None, "sensor": None, "vfov": 40, "aperture": 5},
-            ("focal_length",),
-            "need the size",
-        ),
     ],
 )
 def test_what_cannot_be_is_refused(keys, key, message):
     with pytest.raises(ValidationError, match=message) as caught:
         LightField.model_validate({**THIN, **keys})
     assert caught.value.errors()[0]["loc"] == key
+
+
+def test_optics_without_a_size_are_refused():
+    with pytest.raises(ValidationError, match="need the size of the optics"):
+        LightField.model_validate({"type": "light_field", "vfov": 40, "aperture": 5})
 
 
 def test_pixels_that_cannot_tell_directions_apart_are_refused():

@@ -132,13 +132,6 @@ def test_sun_outside_the_haze_is_about_a_hundred_kilolux():
     np.testing.assert_allclose(disc.direction, -up(70.0), atol=1e-15)
 
 
-def test_atmosphere_is_as_long_as_the_path_through_it():
-    # Bouguer's law: the logarithm of the transmittance is proportional to the air mass, which is about 1 / cos.
-    one, two = (math.log(sunlight(2.0, math.radians(t))[1] / sunlight(2.0, 0.0)[1]) for t in (48.19, 60.0))
-    # Masses 1.5 and 2, so excess 0.5 and 1 over the zenith's.
-    assert two / one == pytest.approx(2.0, rel=0.02)
-
-
 def test_near_the_horizon_the_path_is_that_through_a_round_atmosphere(monkeypatch):
     # Light of one wavelength, 550 nm, for which Bouguer's law holds exactly; air masses at 0, 60 and 85 degrees from
     # the zenith: Kasten, Young 1989, "Revised Optical Air Mass Tables", Applied Optics 28(22).

@@ -222,10 +222,11 @@ def test_a_constant_grid_looks_homogeneous(tmp_path):
 
 def test_a_medium_that_takes_nothing_is_packed_as_none():
     # Hard case 45: sigma = 0 equals no medium; and so does a medium that is defined and not used.
-    ball = (
-        "camera: {look_from: [0, 0, 4]MEDIUM}\nmedia: {air: {type: homogeneous, absorption: 0, scattering: 0, g: 1}}\n"
-    )
-    ball += "objects: [{type: sphere, center: [0, 0, 0], radius: 1, material: {type: dielectric}MEDIUM}]\n"
+    ball = """
+camera: {type: pinhole, look_from: [0, 0, 4]MEDIUM}
+media: {air: {type: homogeneous, absorption: 0, scattering: 0, g: 1}}
+objects: [{type: sphere, center: [0, 0, 0], radius: 1, material: {type: dielectric}MEDIUM}]
+"""
     without, clear = (pack(scene(ball.replace("MEDIUM", key), filled=False)).scene for key in ("", ", medium: air"))
     assert without.media is None
     # The same kernel for the same numbers: the same bits.
