@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import yaml
 from numpy.typing import NDArray
 from scipy import stats
 
@@ -21,7 +20,6 @@ from raytracer.rendering.develop import _view_slices
 from raytracer.rendering.render import render
 from raytracer.scene.load import build
 from raytracer.util.errors import InputError, SceneError
-from tests.moving import checked, moved
 from tests.plugins.cameras.kernels import camera_rays, projected, weighted_rays
 
 Array = NDArray[np.float64]
@@ -333,21 +331,6 @@ def test_the_mean_of_views_that_fill_a_lens_is_its_photograph():
     assert photograph.variance is not None
     verdict = z_test(together, noise, photograph.radiance, photograph.variance)
     assert verdict.passed, verdict.reason
-
-
-@pytest.mark.slow
-def test_an_array_a_million_metres_away_sees_the_same(tmp_path):
-    result = yaml.safe_load(SCENE.format(camera="", film="", spp=128))
-    here, there = (render(checked(each, tmp_path), threads=2) for each in (result, moved(result, (1e6, -1e6, 1e6))))
-    one, other = here.image, there.image
-    assert "recentring" in there.stats.effects
-    assert one.variance is not None
-    assert other.variance is not None
-    verdict = z_test(one.radiance, one.variance, other.radiance, other.variance)
-    assert verdict.passed, verdict.reason
-    assert other.layout is not None
-    assert other.layout.views.pose is not None
-    np.testing.assert_allclose(other.layout.views.pose.origin, [1e6, -1e6 + 0.5, 1e6 + 3.0])
 
 
 # ---- Photographs of many cameras

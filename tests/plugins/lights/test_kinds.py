@@ -13,6 +13,8 @@ from tests.plugins.lights.kernels import aim, escaped, table_of
 from tests.small_scenes import image, scene
 from tests.statistics import CYLINDER, chi2_test, cylinder
 
+SPOT = {"position": [0.0, 4.0, 0.0], "direction": [0.0, -2.0, 0.0], "intensity": [0.0, 1.0, 2.0]}
+
 EXAMPLES = {
     "flash": [
         {"position": [0.0, 5.0, 0.0], "energy": [10.0, 5.0, 0.0]},
@@ -21,13 +23,7 @@ EXAMPLES = {
     "point": [{"position": [0.0, 5.0, 0.0], "intensity": [10.0, 5.0, 0.0]}],
     "spot": [
         {"position": [1.0, 4.0, 0.0], "look_at": [0.0, 0.0, 0.0], "intensity": 3.0, "angle": 60.0},
-        {
-            "position": [0.0, 4.0, 0.0],
-            "direction": [0.0, -2.0, 0.0],
-            "intensity": [0.0, 1.0, 2.0],
-            "angle": 90.0,
-            "penumbra": 30.0,
-        },
+        {**SPOT, "angle": 90.0, "penumbra": 30.0},
     ],
     "sun": [
         {"direction": [1.0, -2.0, 0.5], "irradiance": 3.0},
@@ -129,10 +125,7 @@ def test_spot_falls_linearly_over_its_penumbra():
 @pytest.mark.parametrize(("angle", "penumbra"), [(60.0, 0.0), (60.0, 10.0), (60.0, 30.0), (180.0, 45.0), (1.0, 0.5)])
 def test_spot_is_weighted_by_its_flux(angle, penumbra):
     # Flux of unit intensity: the integral of 2 pi sin t f(t), by the midpoint rule.
-    spec = LIGHTS.specs()["spot"].model_validate(
-        {"position": [0, 0, 0], "direction": [0, 1, 0], "intensity": 1, "angle": angle, "penumbra": penumbra}
-        | {"type": "spot"}
-    )
+    spec = LIGHTS.specs()["spot"].model_validate({"type": "spot", **SPOT, "angle": angle, "penumbra": penumbra})
     half = math.radians(angle / 2.0)
     t = half * (np.arange(200_000) + 0.5) / 200_000
     fall = np.minimum((half - t) / math.radians(penumbra), 1.0) if penumbra else np.ones_like(t)
@@ -147,12 +140,8 @@ def test_sun_gives_its_irradiance_at_any_angle(angle):
     # A disc wholly above the horizon gives E cos, whatever its size, since its mean direction is its middle.
     direction = np.array([0.3, -1.0, 0.2])
     toward = -direction / np.linalg.norm(direction)
-    aimed = aim(
-        lights_of("sun", {"direction": list(direction), "irradiance": [2.0, 3.0, 4.0], "angle": angle}),
-        None,
-        POINT,
-        40_000,
-    )
+    keys = {"direction": list(direction), "irradiance": [2.0, 3.0, 4.0], "angle": angle}
+    aimed = aim(lights_of("sun", keys), None, POINT, 40_000)
     normal = toward if angle == 180.0 else np.array([0.0, 1.0, 0.0]) if angle < 90.0 else toward
     each = aimed.weight * np.maximum(aimed.direction @ normal, 0.0)[:, None]
     expected = np.array([2.0, 3.0, 4.0]) * (toward @ normal)
@@ -268,14 +257,8 @@ def test_only_what_a_ray_may_find_is_packed_for_mirrors():
 
 def test_the_camera_sees_the_sun_in_the_sky():
     # Towards the sun with a view of 8 degrees: a disc of 4 degrees, pi / 16 of the picture (by tangents).
-    text = """
-camera: {type: pinhole, look_from: [0, 9, 0], look_at: [-1, 11, 0], vfov: 8}
-lights:
-  - {type: point, position: [3, 4, 0], intensity: [100, 0, 0]}
-  - {type: spot, position: [0, 2, 2], look_at: [0, 0, 0], intensity: [0, 40, 0], angle: 60, penumbra: 5}
-  - {type: sun, direction: [1, -2, 0], irradiance: [0, 0, 6], angle: 4}
-"""
-    picture = image(text + FLOOR, spp=64)
+    camera = "camera: {type: pinhole, look_from: [0, 9, 0], look_at: [-1, 11, 0], vfov: 8}\n"
+    picture = image(camera + THREE.replace("angle: 3}", "angle: 4}") + FLOOR, spp=64)
     share = math.pi * (math.tan(math.radians(2.0)) / (2.0 * math.tan(math.radians(4.0)))) ** 2
     bright = 6.0 / (math.pi * math.sin(math.radians(2.0)) ** 2)
     assert picture.radiance[..., 2].mean() == pytest.approx(share * bright, rel=0.01)

@@ -17,12 +17,6 @@ def test_solid_cells_go_by_the_parity_of_the_sum_of_floors():
     np.testing.assert_array_equal(looked_up(table, points=points), np.where(even[:, None], EVEN, ODD))
 
 
-def test_the_cell_from_the_origin_on_is_even_and_the_one_before_it_odd():
-    table = table_of(spec_of("checker", scale="10 cm", even=EVEN, odd=ODD))
-    result = looked_up(table, points=[(0.05, 0.05, 0.05), (0.15, 0.05, 0.05), (-0.05, 0.05, 0.05), (-0.05, -0.05, 0.0)])
-    np.testing.assert_array_equal(result, [EVEN, ODD, ODD, EVEN])
-
-
 def test_uv_cells_go_by_the_parameters_and_not_by_the_place():
     table = table_of(spec_of("checker", scale=0.25, even=EVEN, odd=ODD, space="uv"))
     result = looked_up(table, points=[(9.0, 1.0, 3.0)] * 4, uv=[(0.1, 0.1), (0.3, 0.1), (0.3, 0.3), (-0.1, 0.9)])
