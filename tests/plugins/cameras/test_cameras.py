@@ -336,28 +336,6 @@ def test_angles_land_where_the_projection_says(projection, fov):
     assert spec.describe(400, 300)["pixel_at_middle_deg"] == pytest.approx(angle, rel=1e-4)
 
 
-def solid_angles(projection, fov):
-    """Solid angle of each pixel that lies in the circle, (n,), relative to that of one in the middle."""
-    packed = camera(type="fisheye", projection=projection, fov=fov).pack(64, 64)
-    edges = np.arange(65.0)
-    x, y = (grid.ravel() for grid in np.meshgrid(edges, edges))
-    _, corners, weights = weighted_rays(packed, x, y)
-    corners, inside = corners.reshape(65, 65, 3), (weights > 0.0).reshape(65, 65)
-    whole = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
-    diagonals = np.cross(corners[1:, 1:] - corners[:-1, :-1], corners[1:, :-1] - corners[:-1, 1:])
-    area = 0.5 * np.linalg.norm(diagonals, axis=-1)
-    return area[whole] / area[32, 32]
-
-
-def test_an_equisolid_pixel_is_the_same_solid_angle_everywhere():
-    # Flat quadrilaterals in place of those on the sphere: 1 % at most, and the projection's shear as much.
-    areas = solid_angles("equisolid", 180.0)
-    assert len(areas) > 2900
-    np.testing.assert_allclose(areas, 1.0, rtol=0.01)
-    # An equidistant pixel at the horizon is 2 / pi of one in the middle: sin(t) / t.
-    assert solid_angles("equidistant", 180.0).min() == pytest.approx(2.0 / math.pi, abs=0.02)
-
-
 def test_what_lies_outside_the_circle_is_not_traced():
     scene = """
 camera: {{type: {}, look_from: [0, 0, 4], look_at: [0, 0, 0]}}

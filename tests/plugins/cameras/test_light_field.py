@@ -227,7 +227,6 @@ def in_place(layout, **keys):
 
 def assert_same(first, variance, second):
     """Pixels of two pictures differ by no more than their noise, in the mean square and in all."""
-    assert second.variance is not None
     score = (first - second.radiance) ** 2 / (variance + second.variance + 1e-12)
     # A pixel of many samples is nearly normal: the mean of n squares has a deviation of sqrt(2 / n).
     assert score.mean() < 1.0 + 5.0 * math.sqrt(2.0 / score.size)
@@ -236,7 +235,6 @@ def assert_same(first, variance, second):
 
 def test_the_mean_over_the_pixels_of_a_microlens_is_the_ordinary_photograph(raw):
     layout = raw.layout
-    assert raw.variance is not None
     photograph = picture(in_place(layout, type="thin_lens", focus_distance=2, aperture="10 mm"), 8192, 20)
     lit = layout.lit.reshape(20, 15, 20, 15).sum(axis=(1, 3))[..., None]
     np.testing.assert_allclose(lit, 225 * math.pi / 4.0)
