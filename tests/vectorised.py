@@ -68,9 +68,10 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-def random_draws(count: int, *, seed: int = 0, dimension: int = 8) -> Draws:
+def random_draws(count: int, *, seed: int = 0, dimension: int = 8, sampler: str = "independent") -> Draws:
     """Random numbers for rows: sample after sample of one pixel."""
-    return Draws(SAMPLERS["independent"](seed, 1), np.uint64(0x9E3779B97F4A7C15), rows(np.arange(count)), dimension)
+    chosen = SAMPLERS[sampler](seed, count if sampler != "independent" else 1)
+    return Draws(chosen, np.uint64(0x9E3779B97F4A7C15), rows(np.arange(count)), dimension)
 
 
 def _space(count: int, words: int) -> NDArray[np.float64]:
