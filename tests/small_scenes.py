@@ -2,8 +2,8 @@
 
 A scene's type is what gets compiled, for about five seconds each, so scenes that need not differ in type are filled up
 to one: the kinds of primitives and materials that a scene lacks come as specks of a nanometre far below everything,
-where no ray of these tests meets them.  Where `lit`, an environment and a lamp of hardly any light come too: scenes in
-the dark, under a sky and with lamps are of one type then.
+where no ray of these tests meets them.  Where `lit`, an environment and lamps of hardly any light come too: scenes in the
+dark, under a sky and with lamps are of one type then.
 """
 
 from pathlib import Path
@@ -25,6 +25,8 @@ _SPECKS = """
   - {type: triangle, vertices: [[0, -96, 0], [1.0e-9, -96, 0], [0, -96, 1.0e-9]], material: {type: lambertian}}
 """
 
+_LAMP = "  - {type: sphere, center: [0, -95, 0], radius: 1.0e-9, material: {type: emitter, radiance: 1.0e-30}}\n"
+
 NIGHT = "environment: {type: constant, radiance: 1.0e-30}\n"
 """Too little light to be seen in any picture."""
 
@@ -35,7 +37,7 @@ def scene_text(
     """A scene file of its `camera`, `environment`, `materials` and, last, its `objects`.
 
     filled : with specks of all kinds, so that it shares its compiled kernel with other scenes.
-    lit : with an environment and a lamp of its own or such as nobody sees, so that it shares it with even more.
+    lit : with an environment and lamps, of its own or such as nobody sees, so that it shares it with even more.
     settings : of `render`; by default of 64 independent samples, exact, and without an end before 50 segments.
     """
     chosen = {"spp": 64, "max_depth": 50, "rr_depth": 1000, "sampler": "independent", "accuracy": "exact", **settings}
@@ -44,7 +46,7 @@ def scene_text(
     specks = _SPECKS if filled else "\n"
     if lit:
         head += "" if "environment:" in text else NIGHT
-        specks = specks.replace("radiance: 0", "radiance: 1.0e-30")
+        specks = specks.replace("radiance: 0", "radiance: 1.0e-30") + _LAMP
     return head + text.rstrip() + specks
 
 
