@@ -2,8 +2,8 @@
 
 A scene's type is what gets compiled, for about five seconds each, so scenes that need not differ in type are filled up
 to one: the kinds of primitives and materials that a scene lacks come as specks of a nanometre far below everything,
-where no ray of these tests meets them.  Where `lit`, an environment and lamps of hardly any light come too: scenes in the
-dark, under a sky and with lamps are of one type then.
+where no ray of these tests meets them.  Where `lit`, an environment and lamps of hardly any light come too: scenes in
+the dark, under a sky and with lamps are of one type then.
 """
 
 from pathlib import Path
