@@ -83,7 +83,7 @@ def test_interrupted_and_resumed_it_is_the_same_picture(path, sampler, keys):
 
 
 @pytest.mark.parametrize(
-    ("first", "then", "aovs"), [(64, 256, ()), (100, 101, ()), (100, 333, ()), (1024, 1024, ()), (16, 40, AOVS)]
+    ("first", "then", "aovs"), [(64, 256, ()), (100, 101, ()), (100, 333, ()), (512, 512, ()), (16, 40, AOVS)]
 )
 def test_more_samples_are_those_that_are_missing(path, first, then, aovs):
     begin(path, first, aovs=aovs)
@@ -176,7 +176,7 @@ def test_another_program_is_refused_by_name(kept, tmp_path, monkeypatch):
 
 def test_a_changed_file_is_refused_by_name(kept, tmp_path):
     write_scene(tmp_path, "# changed\n")
-    with pytest.raises(InputError, match=r"of other files: objects\.solid\.file was '.*' and is '.*'"):
+    with pytest.raises(InputError, match=r"of other files: objects\[6\]\.file was '.*' and is '.*'"):
         resume(kept, load(tmp_path / "scene.yaml"))
 
 
@@ -383,6 +383,7 @@ def test_no_pilot_takes_long(monkeypatch):
     assert set(counts) == {8}
 
 
+@pytest.mark.filterwarnings("ignore::raytracer.util.errors.SceneWarning")
 def test_python_has_it_too(tmp_path):
     spec, file = halves(), tmp_path / "a.checkpoint"
     rt.render(spec, spp=16, checkpoint=file)

@@ -14,7 +14,7 @@ from raytracer.core.embree import PACKET
 from raytracer.rendering import tile_scheduler
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
-from tests.rendering.halves import HEIGHT, SPP, WIDTH, assert_same, halves
+from tests.rendering.halves import HEIGHT, SPP, WIDTH, assert_same, assert_same_samples, halves
 from tests.repository import GENERATED, ROOT, SCENES, need_files_of
 
 CROPS = ((0, 0, 7, 5), (13, 9, 31, 33), (43, 35, 44, 36))
@@ -56,10 +56,10 @@ def test_threads_crops_tiles_and_passes_do_not_matter_to_a_sampler(monkeypatch, 
         np.testing.assert_array_equal(part, one.image.radiance[top:bottom, left:right])
     assert_same(render(spec, threads=4), one)
     monkeypatch.setattr(tile_scheduler, "TILE_SIZE", 7)
-    assert_same(render(spec, threads=2), one)
+    assert_same_samples(render(spec, threads=2), one)
     for pass_end in (lambda begin, spp: min(spp, begin + PACKET), lambda begin, spp: spp):
         monkeypatch.setattr(tile_scheduler, "pass_end", pass_end)
-        assert_same(render(spec, threads=2), one)
+        assert_same_samples(render(spec, threads=2), one)
 
 
 @pytest.mark.parametrize("start", [0, 8, 24, 40, 1000])
@@ -110,7 +110,7 @@ def test_seeds_matter(sampler):
     pictures = [render(spec, seed=seed).image.radiance for seed in (0, 1, 2**32 - 1)]
     for a, b in ((0, 1), (0, 2), (1, 2)):
         # On the right, where there is noise.
-        assert (pictures[a] != pictures[b])[:, WIDTH // 2 + 1 :].mean() > 0.99
+        assert (pictures[a] != pictures[b])[:, WIDTH // 2 + 1 :].mean() > 0.9
     np.testing.assert_array_equal(render(spec, seed=1).image.radiance, pictures[1])
 
 

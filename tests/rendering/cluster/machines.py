@@ -5,9 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import IO
 
 _SECONDS_TO_START = 60.0
@@ -20,14 +18,14 @@ class Machines:
     address : of the scheduler, whose port the system has chosen.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self._folder = folder
         self._processes: list[subprocess.Popen[bytes]] = []
         self._logs: list[IO[bytes]] = []
         self.scheduler = self._start("scheduler", "--port", "0", "--no-show")
         self.address = self._said("scheduler0.log", "Scheduler at:").split()[-1]
 
-    def worker(self, threads: int = 1, **variables: str) -> "subprocess.Popen[bytes]":
+    def worker(self, threads=1, **variables):
         """A new one, which need not have said hello yet."""
         name = f"worker{len(self._processes)}"
         return self._start(
@@ -38,12 +36,12 @@ class Machines:
             **variables,
         )
 
-    def kill(self, process: "subprocess.Popen[bytes]") -> None:
+    def kill(self, process):
         """Kill one of them, as a power cut would."""
         process.send_signal(signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
         process.wait(_SECONDS_TO_END)
 
-    def close(self) -> None:
+    def close(self):
         """End all that still run; at once, since what they leave lies in the folder."""
         for process in self._processes:
             if process.poll() is None:
@@ -51,7 +49,7 @@ class Machines:
         for log in self._logs:
             log.close()
 
-    def _start(self, kind: str, *options: str, **variables: str) -> "subprocess.Popen[bytes]":
+    def _start(self, kind, *options, **variables):
         path = self._folder / f"{kind}{len(self._processes)}.log"
         log = path.open("wb")
         self._logs.append(log)
@@ -62,7 +60,7 @@ class Machines:
         self._processes.append(process)
         return process
 
-    def _said(self, log: str, beginning: str) -> str:
+    def _said(self, log, beginning):
         """The first line of a log that holds these words."""
         path, end = self._folder / log, time.monotonic() + _SECONDS_TO_START
         while time.monotonic() < end:
@@ -74,7 +72,7 @@ class Machines:
 
 
 @contextmanager
-def machines(folder: Path, workers: int = 3) -> Iterator[Machines]:
+def machines(folder, workers=3):
     """A scheduler and workers, which end with the `with` block."""
     started = Machines(folder)
     try:
