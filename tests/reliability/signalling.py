@@ -11,13 +11,13 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from tests.reliability.processes import BALL, FOREVER, Process, asides, is_whole
+from tests.reliability.processes import BALL, CHECKPOINTS, FOREVER, OUTPUTS, Process, asides, is_whole, present
 
 MOST_SECONDS = 2.0
 """Seconds that the end may take after the first signal."""
@@ -36,8 +36,8 @@ class Phase(NamedTuple):
     again: bool = False
 
 
-def _has_checkpoint(folder: Path) -> bool:
-    return (folder / "out.npy.checkpoint").exists()
+def _has_checkpoint(folder):
+    return (folder / CHECKPOINTS[0]).exists()
 
 
 PHASES = {
@@ -50,64 +50,49 @@ PHASES = {
 }
 
 
-class Measured(NamedTuple):
-    """Seconds from a signal to the end, in each of some processes; failures, sentences."""
-
-    seconds: list[float]
-    failures: list[str]
-
-
-def measure(phase: Phase, times: int, random: np.random.Generator) -> Measured:
-    """Start so many renders, and signal each in a phase, half of them by Ctrl-C and half by SIGTERM."""
-    found = Measured([], [])
-    for number in range(times):
-        with tempfile.TemporaryDirectory() as name:
-            folder = Path(name)
-            (folder / "ball.yaml").write_text(BALL)
-            environment = {**os.environ, "RAYTRACER_CACHE_DIR": str(folder / "cache")} if phase.is_cold else None
-            words = ["render", "ball.yaml", "-o", "out.npy", "-o", "out.exr", "-o", "out.png"]
-            words += ["--checkpoint", "0.5s", *phase.words]
-            process = Process([*words, *FOREVER, "-q"], folder, env=environment)
-            process.until(lambda folder=folder: phase.is_there(folder))  # type: ignore[misc]
-            # Somewhere within the phase; a process that has just been started has no handler yet.
-            time.sleep(random.uniform(0.5, 1.5))
-            sent = signal.SIGINT if number % 2 == 0 else signal.SIGTERM
+def end(phase, sent, delay):
+    """Start a render, and signal it in a phase; return the seconds from the signal to the end, and failures."""
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        (folder / "ball.yaml").write_text(BALL)
+        environment = {**os.environ, "RAYTRACER_CACHE_DIR": str(folder / "cache")} if phase.is_cold else None
+        words = ["render", "ball.yaml", *(word for name in OUTPUTS for word in ("-o", name))]
+        process = Process([*words, "--checkpoint", "0.5s", *phase.words, *FOREVER, "-q"], folder, env=environment)
+        process.until(lambda: phase.is_there(folder))
+        # Somewhere within the phase; a process that has just been started has no handler yet.
+        time.sleep(delay)
+        process.send(sent)
+        if phase.again:
+            # Of two at once the system would make one.
+            time.sleep(_APART_SECONDS)
+            process.until(lambda: bool(asides(folder)))
             process.send(sent)
-            begin = time.perf_counter()
-            if phase.again:
-                # Of two at once the system would make one.
-                time.sleep(_APART_SECONDS)
-                process.until(lambda folder=folder: bool(asides(folder)))  # type: ignore[misc]
-                process.send(sent)
-                begin = time.perf_counter()
-            process.popen.wait()
-            found.seconds.append(time.perf_counter() - begin)
-            ended = process.end()
-            if ended.status != 128 + sent or "Traceback" in ended.err or len(ended.err.splitlines()) != 1:
-                found.failures.append(f"status {ended.status}, and said {ended.err}")
-            for path in folder.glob("out.*"):
-                if path.suffix != ".previous" and not is_whole(path, path.read_bytes()):
-                    found.failures.append(f"{path.name} is broken")
-            found.failures.extend(f"{path.name} is left" for path in asides(folder))
-    return found
+        begin = time.perf_counter()
+        process.popen.wait()
+        seconds, ended = time.perf_counter() - begin, process.end()
+        failures = [f"{path.name} is left" for path in asides(folder)]
+        if ended.status != 128 + sent or "Traceback" in ended.err or len(ended.err.splitlines()) != 1:
+            failures.append(f"status {ended.status}, and said {ended.err}")
+        for name, data in present(folder, (*OUTPUTS, CHECKPOINTS[0])).items():
+            failures += [] if is_whole(folder / name, data) else [f"{name} is broken"]
+    return seconds, failures + ([f"took {seconds:.2f} s"] if seconds > MOST_SECONDS else [])
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--times", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args(arguments)
-    random = np.random.default_rng(given.seed)
-    failures: list[str] = []
+    given = parser.parse_args()
+    random, failures = np.random.default_rng(given.seed), []
     print(f"{'s from the signal to the end':<44} {'times':>6} {'median':>8} {'worst':>8}")
     for name, phase in PHASES.items():
-        found = measure(phase, given.times, random)
-        print(f"{name:<44} {given.times:>6} {np.median(found.seconds):>8.2f} {max(found.seconds):>8.2f}", flush=True)
-        failures += [f"{name}: {failure}" for failure in found.failures]
-        if max(found.seconds) > MOST_SECONDS:
-            failures.append(f"{name}: took {max(found.seconds):.2f} s")
-    for sentence in failures:
-        print(sentence)
+        # Half of them by Ctrl-C and half by SIGTERM.
+        signals = [signal.SIGINT if number % 2 == 0 else signal.SIGTERM for number in range(given.times)]
+        found = [end(phase, sent, random.uniform(0.5, 1.5)) for sent in signals]
+        seconds = [one for one, _ in found]
+        print(f"{name:<44} {given.times:>6} {np.median(seconds):>8.2f} {max(seconds):>8.2f}", flush=True)
+        failures += [f"{name}: {failure}" for _, wrong in found for failure in wrong]
+    print(*failures, sep="\n")
     return 1 if failures else 0
 
 

@@ -1,7 +1,6 @@
 """Processes that start together, and one after the other: short runs of `race` and `many`, and the fit of `hour`."""
 
 import secrets
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from tests.reliability.race import damage, forge, kill_compilers, race
 
 
 @pytest.mark.slow
-def test_processes_that_start_together_compile_once_whatever_was_left(tmp_path: Path) -> None:
+def test_processes_that_start_together_compile_once_whatever_was_left(tmp_path):
     assert kill_compilers(tmp_path, 2) == 2
     first = race(tmp_path, 6)
     assert first.is_won, first
@@ -24,7 +23,7 @@ def test_processes_that_start_together_compile_once_whatever_was_left(tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_cache_of_somebody_elses_is_compiled_anew_and_not_run(tmp_path: Path) -> None:
+def test_a_cache_of_somebody_elses_is_compiled_anew_and_not_run(tmp_path):
     first = race(tmp_path, 1)
     mark = forge(tmp_path, secrets.token_bytes(KEY_BYTES))
     second = race(tmp_path, 2)
@@ -38,12 +37,12 @@ def test_a_cache_of_somebody_elses_is_compiled_anew_and_not_run(tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_renders_one_after_the_other_leave_nothing(tmp_path: Path) -> None:
+def test_renders_one_after_the_other_leave_nothing(tmp_path):
     found = many(tmp_path, 6)
     assert found.is_clean, found
 
 
-def test_the_slope_is_that_after_what_does_not_count() -> None:
+def test_the_slope_is_that_after_what_does_not_count():
     # 3 MB a minute and noise, after five minutes of growth.
     seconds = np.arange(0.0, 3600.0, 2.0)
     noise = np.random.default_rng(1).normal(0.0, 2e6, len(seconds))
