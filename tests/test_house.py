@@ -6,7 +6,6 @@ python -m tests.test_house [FOLDER]     lists what breaks a rule, of a folder's 
 import ast
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 
@@ -32,13 +31,13 @@ RIDDLES = ("What becomes", "Whether", "Where ", "How ", "That ", "Who ", "Why ")
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
-def _functions(tree: ast.Module) -> Iterator[Function]:
+def _functions(tree):
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             yield node
 
 
-def _code_lines(function: Function, source: list[str]) -> int:
+def _code_lines(function, source):
     """Count the lines of a function's body that hold code: no docstring, no comment, nothing blank."""
     body = function.body
     if ast.get_docstring(function) is not None:
@@ -49,17 +48,17 @@ def _code_lines(function: Function, source: list[str]) -> int:
     return sum(1 for line in lines if line.strip() and not line.strip().startswith("#"))
 
 
-def _decorators(function: Function) -> set[str]:
+def _decorators(function):
     return {ast.unparse(node).split("(")[0].split(".")[-1] for node in function.decorator_list}
 
 
-def large_modules(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def large_modules(name, tree, source):
     """Find a module of too many lines."""
     if len(source) > MAX_LINES:
         yield f"{name}: {len(source)} lines"
 
 
-def large_functions(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def large_functions(name, tree, source):
     """Find functions of too many lines of code."""
     for function in _functions(tree):
         lines = _code_lines(function, source)
@@ -67,7 +66,7 @@ def large_functions(name: str, tree: ast.Module, source: list[str]) -> Iterator[
             yield f"{name}:{function.lineno}: {function.name} has {lines} lines of code"
 
 
-def many_parameters(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def many_parameters(name, tree, source):
     """Find functions with too many parameters."""
     if name.startswith(MANY_PARAMETERS):
         return
@@ -79,14 +78,14 @@ def many_parameters(name: str, tree: ast.Module, source: list[str]) -> Iterator[
             yield f"{name}:{function.lineno}: {function.name} has {count} parameters"
 
 
-def nameless_functions(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def nameless_functions(name, tree, source):
     """Find functions that no traceback and no search can name."""
     for function in _functions(tree):
         if function.name == "_":
             yield f"{name}:{function.lineno}: a function is called _"
 
 
-def riddles(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def riddles(name, tree, source):
     """Find docstrings that open with a question."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
@@ -96,7 +95,7 @@ def riddles(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
                 yield f"{name}:{line}: {text.splitlines()[0]}"
 
 
-def undescribed(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def undescribed(name, tree, source):
     """Find public functions without a docstring; a case of a generic has that of its generic."""
     if name.endswith("core/vec.py"):
         return
@@ -117,7 +116,7 @@ RULES: tuple[Callable[[str, ast.Module, list[str]], Iterator[str]], ...] = (
 )
 
 
-def broken(rule: Callable[[str, ast.Module, list[str]], Iterator[str]], folder: Path = PACKAGE) -> list[str]:
+def broken(rule, folder=PACKAGE):
     """List what breaks a rule in the sources of a folder."""
     found = []
     for path in sorted(folder.rglob("*.py")):
@@ -127,16 +126,16 @@ def broken(rule: Callable[[str, ast.Module, list[str]], Iterator[str]], folder: 
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
-def test_sources_keep_the_rules(rule: Callable[[str, ast.Module, list[str]], Iterator[str]]) -> None:
+def test_sources_keep_the_rules(rule):
     assert broken(rule) == []
 
 
-def test_only_packages_stand_at_the_top() -> None:
+def test_only_packages_stand_at_the_top():
     assert {path.name for path in PACKAGE.iterdir() if path.is_file()} == {"__init__.py", "py.typed"}
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
-def test_rules_find_what_breaks_them(rule: Callable[[str, ast.Module, list[str]], Iterator[str]]) -> None:
+def test_rules_find_what_breaks_them(rule):
     long = "".join(f"    x = {i}\n" for i in range(MAX_LINES))
     parameters = ", ".join(f"a{i}" for i in range(MAX_PARAMETERS + 1))
     source = f'def _({parameters}):\n    """Whether it is."""\n{long}\n\ndef plain():\n    pass\n'
