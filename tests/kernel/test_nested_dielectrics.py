@@ -9,9 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.plugins.materials.base.interface import PASSTHROUGH
 from raytracer.rendering.render import render
-from raytracer.scene.effects import effects_of
 from raytracer.scene.pack.nested_dielectrics import MAX_SOLIDS
 from raytracer.scene.pack.scene import pack
 from raytracer.util.errors import InputError
@@ -223,12 +221,6 @@ def ball(x, material):
     return f"  - {{type: sphere, center: [{x}, 0, 0], radius: 1, material: {material}}}\n"
 
 
-def test_without_a_priority_there_is_nothing_of_it():
-    tables = packed(VIEW + "objects:\n" + ball(0, clear(1.5)))
-    assert tables.nested_dielectrics is None
-    assert tables.transparency is None
-
-
 WIDE = "thin_lens, aperture: "
 
 
@@ -252,17 +244,9 @@ def test_a_camera_far_from_all_solids_does_not_look_around(kind, looks):
     text = VIEW.replace("pinhole", kind) + "objects:\n" + ball(0, clear(1.5, 1))
     assert (packed(text).nested_dielectrics.camera is not None) == looks
     assert packed(text.replace("[0, 0, 9]", "[0, 0, 0.5]")).nested_dielectrics.camera is not None
-
-
-def test_boundaries_are_what_lies_on_both_sides():
-    tables = packed(VIEW + "objects:\n" + ball(0, clear(1.5, 2)) + ball(1, clear(1.2, 1)) + ball(2, clear(1.5, 7)))
-    nested, eta = tables.nested_dielectrics, tables.materials[0].eta
-    water, glass, gem = nested.surface
-    assert list(nested.rank[[water, glass, gem]]) == [0, 1, 2]
-    assert eta[nested.boundaries[glass, 0]] == 1.5
-    assert eta[nested.boundaries[glass, 1]] == 1.5 / 1.2
-    assert nested.boundaries[gem, 2] == PASSTHROUGH
-    assert eta[nested.boundaries[water, 0]] == 1.2
+    # Without a priority there is nothing of it.
+    plain = packed(text.replace("priority: 1", "absorption: 0"))
+    assert (plain.nested_dielectrics, plain.transparency) == (None, None)
 
 
 def test_materials_that_select_fill_with_one_thing():
@@ -283,12 +267,6 @@ def test_there_are_only_so_many():
     assert len(packed(VIEW + "objects:\n" + many).nested_dielectrics.surface) == MAX_SOLIDS
     with pytest.raises(InputError, match=f"one of {MAX_SOLIDS + 1} materials with a priority"):
         packed(VIEW + "objects:\n" + many + ball(-3, clear(1.5, 1000)))
-
-
-def test_explained():
-    spec = scene(VIEW + "objects:\n" + ball(0, clear(1.5, 2)), filled=False)
-    effect = effects_of(spec, pack(spec).scene)["nested_dielectrics"]
-    assert (effect.active, "1 material" in effect.why) == (True, True)
 
 
 @pytest.mark.parametrize(

@@ -169,20 +169,6 @@ def test_slabs_of_glass_at_normal_incidence(ior, slabs):
     )
 
 
-def test_water_in_glass_refracts_by_the_ratio_of_indices():
-    # At normal incidence R depends on n1/n2 alone: 1.33 in 1.5 reflects ((1.33-1.5)/(1.33+1.5))^2 = 0.003608.
-    text = """
-objects:
-  - type: quad
-    corner: [-9, -9, 0]
-    edges: [[18, 0, 0], [0, 18, 0]]
-    material: {type: dielectric, ior: 1.33, outside_ior: 1.5}
-  - {type: disc, center: [0, 0, 5], normal: [0, 0, -1], radius: 3, material: {type: emitter, radiance: 1}}
-"""
-    picture = image(pinhole((0, 0, 4), (0, 0, 0), 0.01) + text, spp=2048, width=32, height=32)
-    assert_mean(picture, ((1.33 - 1.5) / (1.33 + 1.5)) ** 2, relative_noise=0.02)
-
-
 def test_snells_window():
     # From inside a pool of n = 1.5, the sky fills a cone with the sine 1/1.5 (41.81 deg); outside it, all is reflected.
     surface = "  - {type: quad, corner: [-9, 0, 9], edges: [[18, 0, 0], [0, 0, -18]], material: {type: dielectric}}\n"

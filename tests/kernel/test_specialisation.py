@@ -3,6 +3,7 @@
 What is compiled is asked of a process of its own (tests/probe.py), since Numba keeps what it has once compiled.
 """
 
+import itertools
 import json
 import os
 import subprocess
@@ -262,53 +263,33 @@ def type_of(text=BASE, **overrides):
     return numba.typeof(scene_of(text, **overrides))
 
 
-BALL = "  - {type: sphere, center: [0, 3, 0], radius: 0.5, material: {type: lambertian, albedo: 0.7}}\n"
+LENS = {"type": "thin_lens", "look_from": [0, 0, 4], "look_at": [0, 0, 0]}
 MAPS = "textures: {squares: {type: checker}, veins: {type: noise}}\nmaterials:"
-UNUSED = BASE.replace("materials:", MAPS).replace(
-    "objects:", "  tiles: {type: metal, albedo: squares, bump: veins}\n  glass: {type: dielectric}\nobjects:"
-)
+UNUSED = "  tiles: {type: metal, albedo: squares, bump: veins}\n  glass: {type: dielectric}\nobjects:"
+BALL = "  - {type: sphere, center: [0, 3, 0], radius: 0.5, material: {type: lambertian, albedo: 0.7}}\n"
 
 
 @pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])
-def test_values_are_not_part_of_the_type(sampler):
+def test_values_and_what_nothing_uses_are_not_part_of_the_type(sampler):
     # Integers where numbers are meant, one object more, another size: the same kernel.
     base = BASE.replace("sobol", sampler)
-    expected = type_of(base)
     changes = [
         {"film__width": 1920, "film__height": 1080},
         {"render__spp": 7, "render__seed": 2**32 - 1},
         {"render__max_depth": 1000, "render__rr_depth": 0},
         {"camera__vfov": 41.5, "camera__look_from": [0.25, 0, 9]},
+        {"camera": LENS | {"aperture": 0}},
         {"environment__radiance": 2},
         {"materials__a__albedo": 1},
         {"objects__lamp__radius": -2},
         {"objects__lamp__material__two_sided": True},
         {"objects__lamp__transform": [{"rotate": {"axis": [0, 1, 0], "angle": 30}}]},
+        {"render__light_sampling": "mis"},
+        {"text": base + BALL},
+        {"text": base.replace("materials:", MAPS).replace("objects:", UNUSED)},
     ]
     for change in changes:
-        assert type_of(base, **change) == expected, change
-    assert type_of(base + BALL) == expected
-
-
-def test_what_nothing_uses_is_not_part_of_the_type():
-    assert type_of(UNUSED) == type_of()
-    # And a plain value is one whichever key of the material may be textured.
-    assert type_of(materials__a__bump={"type": "noise"}, materials__a__bump_height=0) != type_of()
-    assert scene_of(UNUSED).textures is None
-
-
-def test_order_of_the_objects_is_not_part_of_the_type():
-    objects = [
-        "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal}}\n",
-        "  - {type: quad, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 1, 0]], material: {type: lambertian}}\n",
-        "  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 1, material: {type: emitter, radiance: 1}}\n",
-        "  - {type: box, min: [0, 0, 0], max: [1, 1, 1], material: {type: dielectric}}\n",
-    ]
-    orders = (objects, objects[::-1], objects[2:] + objects[:2])
-    assert len({type_of(BASE + "".join(order)) for order in orders}) == 1
-
-
-LENS = {"type": "thin_lens", "look_from": [0, 0, 4], "look_at": [0, 0, 0]}
+        assert type_of(**{"text": base, **change}) == type_of(base), change
 
 
 @pytest.mark.parametrize(
@@ -325,6 +306,8 @@ LENS = {"type": "thin_lens", "look_from": [0, 0, 4], "look_at": [0, 0, 0]}
         {"objects__lamp__material__radiance": 0},
         {"render__max_depth": 1},
         {"materials__a": {"type": "metal"}},
+        # A plain value is one whichever key of the material may be textured.
+        {"materials__a__bump": {"type": "noise"}, "materials__a__bump_height": 0},
     ],
     ids=str,
 )
@@ -332,16 +315,18 @@ def test_effects_are_the_type(change):
     assert type_of(**change) != type_of()
 
 
+def test_order_of_the_objects_is_not_part_of_the_type():
+    objects = [
+        "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal}}\n",
+        "  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 1, material: {type: emitter, radiance: 1}}\n",
+        "  - {type: box, min: [0, 0, 0], max: [1, 1, 1], material: {type: dielectric}}\n",
+    ]
+    assert len({type_of(BASE + "".join(order)) for order in itertools.permutations(objects)}) == 1
+
+
 def test_how_light_is_sampled_is_the_type_only_where_there_is_light_to_sample():
     # Nothing of lights is left where paths find them.
-    lit = scene_of()
-    assert type_of(render__light_sampling="paths") == numba.typeof(lit._replace(lights=None))
-    assert type_of(render__light_sampling="mis") == numba.typeof(lit)
-    modes = [
-        type_of(objects__lamp__material__radiance=0, render__light_sampling=mode) for mode in ("mis", "lights", "paths")
-    ]
-    assert len(set(modes)) == 1
-
-
-def test_an_aperture_of_zero_is_a_pinhole_to_the_compiler():
-    assert type_of(camera=LENS | {"aperture": 0}) == type_of()
+    assert type_of(render__light_sampling="paths") == numba.typeof(scene_of()._replace(lights=None))
+    modes = ("mis", "lights", "paths")
+    dark = {type_of(objects__lamp__material__radiance=0, render__light_sampling=mode) for mode in modes}
+    assert len(dark) == 1
