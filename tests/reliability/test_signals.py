@@ -1,7 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP: how processes end, what they print, and what is on the disk then.
-
-No time is asserted: `python -m tests.reliability.signalling` measures it.
-"""
+"""Ctrl-C, SIGTERM and SIGHUP: how processes end, what they print, and what is on the disk then."""
 
 import os
 import shlex
