@@ -193,30 +193,26 @@ def test_parts_of_the_light_add_up_and_a_clamp_holds():
     assert render(scene(floor(FLINT), spp=32, clamp=0.8)).image.radiance.max() <= 0.8 + 1e-12
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("roughness", [0.3, 0.7])
-def test_rough_flint_in_a_white_furnace_is_white(roughness):
-    rough = BALL.replace("type: dielectric", f"type: rough_dielectric, roughness: {roughness}")
-    assert_mean(image(rough, spp=4096, max_depth=1000), 1.0, relative_noise=0.005)
-
-
-@pytest.mark.slow
-def test_a_white_furnace_with_media_within_solids_that_disperse_is_white():
-    # A cloud that takes no light, in a solid with a priority, beside water; all of it in a white furnace.
-    whole = """
-camera: {type: pinhole, look_from: [0, 0, 5], look_at: [0, 0, 0], vfov: 25}
-environment: {type: constant, radiance: 1}
-media:
-  cloud: {type: homogeneous, scattering: [2, 1, 0.5]}
+# A cloud that takes no light, in a solid with a priority, beside water.
+CLOUD = f"""
+camera: {{type: pinhole, look_from: [0, 0, 5], look_at: [0, 0, 0], vfov: 25}}
+{SKY}
+media: {{cloud: {{type: homogeneous, scattering: [2, 1, 0.5]}}}}
+materials: {{glass: {{type: dielectric, ior: N-SF11, priority: 2}}, water: {{type: dielectric, ior: water, priority: 1}}}}
 objects:
-  - type: sphere
-    center: [0, 0, 0]
-    radius: 1
-    medium: cloud
-    material: {type: dielectric, ior: N-SF11, priority: 2}
-  - {type: sphere, center: [0.8, 0, 0], radius: 0.8, material: {type: dielectric, ior: water, priority: 1}}
+  - {{type: sphere, center: [0, 0, 0], radius: 1, medium: cloud, material: glass}}
+  - {{type: sphere, center: [0.8, 0, 0], radius: 0.8, material: water}}
 """
-    assert_mean(image(whole, spp=4096, max_depth=1000), 1.0, relative_noise=0.005)
+FURNACES = {"cloud": CLOUD} | {
+    f"rough {roughness}": BALL.replace("type: dielectric", f"type: rough_dielectric, roughness: {roughness}")
+    for roughness in (0.3, 0.7)
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FURNACES)
+def test_a_white_furnace_with_other_effects_is_white(name):
+    assert_mean(image(FURNACES[name], spp=4096, max_depth=1000), 1.0, relative_noise=0.005)
 
 
 @pytest.mark.slow

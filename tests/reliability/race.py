@@ -10,7 +10,6 @@ SIGKILL while they compile, before; with `--damaged` the file of each kernel is 
 
 import argparse
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -21,7 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.core.compiler.kernel_files import _signed_header
 from raytracer.core.compiler.signing_key import FILE_NAME
 
 _KERNELS = (".nbc", ".part")
@@ -125,25 +123,6 @@ def damage(folder, seed):
         content[places.integers(len(content))] ^= 1 << int(places.integers(8))
         path.write_bytes(content)
     return len(found)
-
-
-class _Mark:
-    """Leaves a file where it was unpickled."""
-
-    def __init__(self, path):
-        self._path = path
-
-    def __reduce__(self):
-        return Path.touch, (self._path,)
-
-
-def forge(folder, key):
-    """Replace every kernel by a file that is signed by a key and leaves a mark where it is run; return the mark."""
-    mark = folder / "mark"
-    content = pickle.dumps(_Mark(mark))
-    for path in _kernels(folder):
-        path.write_bytes(_signed_header(path, content, key) + content)
-    return mark
 
 
 def main():

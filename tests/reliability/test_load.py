@@ -1,16 +1,14 @@
 """Processes that start together, and one after the other: short runs of `race`, and the fit of `hour`."""
 
 import os
-import secrets
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from raytracer.core.compiler.signing_key import KEY_BYTES, signing_key
 from tests.reliability.hour import slope
 from tests.reliability.processes import BALL, run
-from tests.reliability.race import damage, forge, kill_compilers, race
+from tests.reliability.race import damage, kill_compilers, race
 
 
 @pytest.mark.slow
@@ -22,20 +20,6 @@ def test_processes_that_start_together_compile_once_whatever_was_left(tmp_path):
     second = race(tmp_path, 6)
     assert second.is_won, second
     assert second.pictures == first.pictures
-
-
-@pytest.mark.slow
-def test_a_cache_of_somebody_elses_is_compiled_anew_and_not_run(tmp_path):
-    first = race(tmp_path, 1)
-    mark = forge(tmp_path, secrets.token_bytes(KEY_BYTES))
-    second = race(tmp_path, 2)
-    assert second.is_won, second
-    assert second.pictures == first.pictures
-    assert not mark.exists()
-    # What is signed by the user's own key would be run: the mark tells.
-    forge(tmp_path, signing_key(tmp_path / "key"))
-    race(tmp_path, 1)
-    assert mark.exists()
 
 
 def paths(folder):

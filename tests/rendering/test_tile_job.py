@@ -151,31 +151,23 @@ class Clockwork(LocalExecutor):
         self.pace, self.threads = pace, threads
 
     def take(self, job):
-        pixels = sum((right - left) * (bottom - top) for left, top, right, bottom in job.windows)
-        nothing = np.zeros((pixels, 3))
-        counts = np.zeros(pixels, dtype=np.int64)
-        recorded = [
-            np.zeros(((right - left) * (bottom - top) * len(record_counts), 3))
-            for (left, top, right, bottom), record_counts in zip(job.windows, job.record_counts, strict=True)
-        ]
+        pixels = [(right - left) * (bottom - top) for left, top, right, bottom in job.windows]
+        nothing, counts = np.zeros((sum(pixels), 3)), np.zeros(sum(pixels), dtype=np.int64)
+        recorded = sum(size * len(marks) for size, marks in zip(pixels, job.record_counts, strict=True))
         samples = np.subtract(job.ends, job.begins)
-        return TileResult((nothing, nothing, counts, counts), np.concatenate(recorded), samples, self.pace * samples)
+        return TileResult((nothing, nothing, counts, counts), np.zeros((recorded, 3)), samples, self.pace * samples)
 
 
 def make_queue(executor, width, height):
-    """A film that gathers nothing."""
-    blank = np.zeros((height, width, 3))
-    counts = np.zeros((height, width), dtype=np.int64)
+    """A film that gathers nothing, after its first pass."""
+    blank, counts = np.zeros((height, width, 3)), np.zeros((height, width), dtype=np.int64)
     windows = split_into_tiles(Window(0, 0, width, height))
+    film = FilmView(blank, blank, counts, counts, 0, 0, None)
     stub = SimpleNamespace(sampler=None)
-    return TileQueue(
-        stub,
-        FilmView(blank, blank, counts, counts, 0, 0, None),
-        windows,
-        WorkerPool(1),
-        ErrorEstimator(windows),
-        executor,
-    )
+    queue = TileQueue(stub, film, windows, WorkerPool(1), ErrorEstimator(windows), executor)
+    queue.first_pass(1000)
+    executor.jobs.clear()
+    return queue
 
 
 @pytest.mark.parametrize(
@@ -185,8 +177,6 @@ def make_queue(executor, width, height):
 def test_jobs_are_long_enough_and_the_last_ones_are_short(pace, threads, width, height):
     executor = Clockwork(pace, threads)
     queue = make_queue(executor, width, height)
-    queue.first_pass(1000)
-    executor.jobs.clear()
     queue.render_passes(1000)
     assert np.all(queue.counts == 1000)
     np.testing.assert_array_equal(queue.rays, 1000)
@@ -218,8 +208,6 @@ def test_an_end_by_the_clock_sends_nothing_that_would_be_late(monkeypatch):
     executor = Clockwork(0.01, 2)
     executor.ahead = 1
     queue = make_queue(executor, 160, 90)
-    queue.first_pass(8)
-    executor.jobs.clear()
     take_all = executor.take
 
     def slowly(job):

