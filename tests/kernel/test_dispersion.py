@@ -198,7 +198,9 @@ CLOUD = f"""
 camera: {{type: pinhole, look_from: [0, 0, 5], look_at: [0, 0, 0], vfov: 25}}
 {SKY}
 media: {{cloud: {{type: homogeneous, scattering: [2, 1, 0.5]}}}}
-materials: {{glass: {{type: dielectric, ior: N-SF11, priority: 2}}, water: {{type: dielectric, ior: water, priority: 1}}}}
+materials:
+  glass: {{type: dielectric, ior: N-SF11, priority: 2}}
+  water: {{type: dielectric, ior: water, priority: 1}}
 objects:
   - {{type: sphere, center: [0, 0, 0], radius: 1, medium: cloud, material: glass}}
   - {{type: sphere, center: [0.8, 0, 0], radius: 0.8, material: water}}
