@@ -40,13 +40,7 @@ class LocalExecutor:
         self.prepared = compile_scene(spec)
         return self
 
-    def run(
-        self,
-        next_job,
-        merge,
-        pool,
-        deadline,
-    ):
+    def run(self, next_job, merge, pool, deadline):
         out = deque()
         while not pool.is_stopped:
             while len(out) < self.ahead and (job := next_job()) is not None:
