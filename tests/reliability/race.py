@@ -60,7 +60,7 @@ class Race(NamedTuple):
 
     @property
     def is_won(self):
-        """Tell if all have the same picture, one alone compiled, and nothing but kernels, locks and a key is left."""
+        """Tell if all have the same picture, one alone compiled, and only kernels, times, locks and a key are left."""
         return not any(self.statuses) and len(self.pictures) == 1 and self.compiled == 1 and not self.left
 
 
@@ -80,7 +80,7 @@ def race(folder, processes):
         [racer.returncode for racer in racers],
         {digest for _, digest in lines},
         sum(int(misses) for misses, _ in lines),
-        [path.name for path in files if path.suffix not in (*_KERNELS, ".lock") and path.name != FILE_NAME],
+        [path.name for path in files if path.suffix not in (*_KERNELS, ".lock", ".took") and path.name != FILE_NAME],
         "".join(error for _, error in told),
     )
 

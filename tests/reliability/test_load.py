@@ -16,7 +16,8 @@ def test_processes_that_start_together_compile_once_whatever_was_left(tmp_path):
     assert kill_compilers(tmp_path, 2) == 2
     first = race(tmp_path, 6)
     assert first.is_won, first
-    assert damage(tmp_path, 1) == 1
+    # A kernel, and the parts that it is made of.
+    assert damage(tmp_path, 1) > 1
     second = race(tmp_path, 6)
     assert second.is_won, second
     assert second.pictures == first.pictures
