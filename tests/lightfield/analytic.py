@@ -107,7 +107,5 @@ def light_field(
     radiance = np.array([[value for value, _ in row] for row in found])
     radiance += noise * np.random.default_rng(0).standard_normal(radiance.shape)
     return LightField(
-        radiance=radiance,
-        views=geometry,
-        layers={"depth": np.array([[depth for _, depth in row] for row in found])},
+        radiance=radiance, views=geometry, layers={"depth": np.array([[depth for _, depth in row] for row in found])}
     )

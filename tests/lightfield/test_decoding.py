@@ -74,11 +74,6 @@ def test_grids_of_all_sizes_and_rotations(hexagonal, pitch, degrees):
     _check_grid(grid, camera, pitch=max(0.02, 0.001 * pitch), offset=max(0.05, 0.002 * pitch))
 
 
-def test_eight_bits_are_enough(pictures):
-    camera, white, _ = pictures
-    _check_grid(find_grid(np.rint(255.0 * np.clip(white, 0.0, 1.0)) / 255.0), camera)
-
-
 def test_a_raw_picture_shows_its_own_grid(pictures):
     camera, _, raw = pictures
     decoded = decode(raw)
@@ -227,12 +222,6 @@ def test_what_does_not_go_together(arguments, told):
         decode(raw, **arguments)
 
 
-def test_white_no_brighter_than_dark():
-    raw = _camera(False).picture()
-    with pytest.raises(InputError, match="white: is black: nowhere brighter than dark"):
-        decode(raw, raw, dark=raw)
-
-
 @pytest.mark.parametrize(
     ("most", "dtype", "is_told"),
     [
@@ -292,11 +281,6 @@ def test_bad_pixels_are_left_out_and_what_is_unseen_is_black():
     assert not seen.seen[:, 0].any()
     assert (seen.values[~seen.seen] == 0.0).all()
     assert np.allclose(seen.values[seen.seen], 0.25)
-
-
-def test_too_small_for_microlenses():
-    with pytest.raises(ValueError, match="fewer than two whole microlenses"):
-        Resampler(lattice(30.0, 0.7, (1.0, 2.0)), 50, 50)
 
 
 @pytest.mark.parametrize("mosaic", [False, True])

@@ -388,14 +388,6 @@ def test_a_wrong_folder_is_told_in_a_sentence(tmp_path, name):
     assert "\n" not in str(told.value)
 
 
-def test_views_of_two_sizes(tmp_path):
-    make(tmp_path, "v_0_0.npy")
-    make(tmp_path, "v_0_1.npy", view=np.zeros((HEIGHT, 9, 3)))
-    found = import_views(tmp_path)
-    with pytest.raises(InputError, match=r"v_0_1.npy: is of 9 x 6 pixels, and must be 8 x 6 as v_0_0.npy is"):
-        found.radiance[0, 1]
-
-
 @pytest.mark.parametrize(
     ("data", "sentence"),
     [
@@ -476,10 +468,3 @@ def test_a_pipe_is_not_waited_for(tmp_path, name):
     os.mkfifo(tmp_path / name)
     with pytest.raises(InputError, match=f"{name}: .*no regular file"):
         import_views(tmp_path)
-
-
-def test_an_archive_of_arrays_is_no_array(tmp_path):
-    np.savez(tmp_path / "a.npz", np.zeros((1, 1, 2, 2, 3)))
-    (tmp_path / "a.npz").rename(tmp_path / "a.npy")
-    with pytest.raises(InputError, match=r"is truncated, or no \.npy file"):
-        import_views(tmp_path / "a.npy")

@@ -37,12 +37,6 @@ def test_exr_holds_what_is_not_finite_or_too_large(tmp_path):
     np.testing.assert_array_equal(load(tmp_path / "a.exr"), expected)
 
 
-def test_a_grey_exr_has_equal_channels(tmp_path):
-    grey = np.random.default_rng(8).random((3, 4)).astype(np.float16)
-    OpenEXR.File({}, {"Y": grey}).write(str(tmp_path / "a.exr"))
-    np.testing.assert_array_equal(load(tmp_path / "a.exr"), np.repeat(grey[..., None], 3, axis=2))
-
-
 def test_only_the_layers_that_are_wanted_are_read(image, tmp_path):
     save(image, tmp_path / "a.exr", {"depth": image.radiance[..., 0], "normal": -image.radiance})
     layers, settings = load_layers(tmp_path / "a.exr", {"variance", "depth"})

@@ -28,12 +28,7 @@ def unit(rows: Any) -> Array:
 
 
 def gone_through(
-    lens: Lens | LensSurfaces,
-    origins: Any,
-    directions: Any,
-    *,
-    towards_film: bool = True,
-    wavelength: float = LINE_D,
+    lens: Lens | LensSurfaces, origins: Any, directions: Any, *, towards_film: bool = True, wavelength: float = LINE_D
 ) -> Gone:
     """Rays (n, 3) through a lens, whose glasses have the index of a wavelength (nm)."""
     packed = lens.packed(wavelength) if isinstance(lens, Lens) else lens
