@@ -4,15 +4,11 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-import OpenEXR
-import PIL.Image
 import pytest
 
-from raytracer.film import Image, load_layers
+from raytracer.film import Image
 from raytracer.film.denoise import denoise, require_denoiser
-from raytracer.rendering.render import render
 from raytracer.util.errors import InputError
-from tests.small_scenes import scene
 
 SIZE = (36, 48)
 
@@ -79,44 +75,3 @@ def test_a_library_that_does_not_load_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", Broken())
     with pytest.raises(InputError, match="cannot be loaded: cannot load library"):
         require_denoiser()
-
-
-BALL = """
-camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
-environment: {type: constant, radiance: 0.3}
-objects:
-  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: [0.8, 0.3, 0.2]}}
-  - {type: quad, corner: [-9, -1, 9], edges: [[18, 0, 0], [0, 0, -18]], material: {type: lambertian, albedo: 0.6}}
-  - {type: sphere, center: [2, 2, 1], radius: 0.3, material: {type: emitter, radiance: 20}}
-"""
-
-
-@pytest.mark.slow
-def test_a_render_is_nearer_to_its_reference_and_says_that_it_is_denoised(tmp_path):
-    pytest.importorskip("pyoidn")
-    settings = {"width": 64, "height": 48, "sampler": "independent"}
-    few = scene(BALL, spp=4, **settings)
-    reference = render(scene(BALL, spp=2048, **settings), seed=9, threads=2).image.radiance
-    noisy = render(few, seed=1, threads=2, aovs=["depth"]).image
-    result = render(few, seed=1, threads=2, aovs=["depth"], denoise=True)
-    clean = result.image
-    before, after = (np.mean((picture - reference) ** 2) for picture in (noisy.radiance, clean.radiance))
-    assert after < 0.3 * before
-    assert "denoise" in result.stats.seconds
-    # The picture as rendered, with its bits, and only the layers asked for.
-    np.testing.assert_array_equal(clean.layers["noisy"], noisy.radiance)
-    assert set(clean.layers) == {"depth", "noisy"}
-
-    for name in ("a.exr", "a.png", "a.hdr"):
-        clean.save(tmp_path / name)
-    layers, found = load_layers(tmp_path / "a.exr")
-    assert "biased" in found["denoised"]
-    np.testing.assert_array_equal(layers["noisy"], noisy.radiance.astype(np.float32))
-    assert "variance" not in layers
-    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
-        assert {"noisy.R", "noisy.G", "noisy.B", "depth.Z"} <= set(file.channels())
-    with PIL.Image.open(tmp_path / "a.png") as picture:
-        assert "biased" in picture.text["denoised"]
-    assert b"rt.denoised=oidn" in (tmp_path / "a.hdr").read_bytes()
-    noisy.save(tmp_path / "b.exr")
-    assert "denoised" not in load_layers(tmp_path / "b.exr")[1]

@@ -37,9 +37,6 @@ def scene():
     return values
 
 
-# ---- Gain
-
-
 def test_iso_100_saturates_at_0_78_lux_seconds():
     # H_sat = 78 / S; 179 lm/W turn lux into W/m2.
     irradiance = 0.78 / 179.0
@@ -47,29 +44,10 @@ def test_iso_100_saturates_at_0_78_lux_seconds():
     assert saturation_gain(1 / 500, 50.0) * 1000.0 * irradiance == pytest.approx(1.0, rel=1e-14)
 
 
-def test_a_stop_of_time_speed_or_compensation_is_a_factor_of_two():
-    plain = saturation_gain(1 / 125, 100.0)
-    assert saturation_gain(2 / 125, 100.0) == pytest.approx(2.0 * plain, rel=1e-15)
-    assert saturation_gain(1 / 125, 200.0) == pytest.approx(2.0 * plain, rel=1e-15)
-    assert saturation_gain(1 / 125, 100.0, 1.0) == pytest.approx(2.0 * plain, rel=1e-15)
-    assert saturation_gain(1 / 125, 100.0, -3.0) == pytest.approx(plain / 8.0, rel=1e-15)
-
-
-def test_a_light_meter_exposes_as_the_standard_wants():
-    # ISO 2720: a reflected-light meter with K = 12.5 reads L = K N^2 / (t S).  A lens without losses gives the sensor
-    # pi L / (4 N^2) of it, so H S = 12.5 pi / 4 = 9.82, which is the 10 of ISO 12232 but for 2 %.
-    n, seconds, iso = 5.6, 1 / 60, 400.0
-    lux = math.pi / (4.0 * n * n) * 12.5 * n * n / (seconds * iso)
-    assert saturation_gain(seconds, iso) * lux / 179.0 == pytest.approx(10.0 / 78.0, rel=0.02)
-
-
 def test_a_speed_without_aperture_or_time_is_refused():
     for exposure in (camera(seconds=None), camera(radiometric=False)):
         with pytest.raises(ValueError, match="without the aperture and the time"):
             resolve_exposure(exposure, grey(1.0), WHOLE)
-
-
-# ---- Metering
 
 
 @pytest.mark.parametrize("mode", ["mean", "center_weighted", "spot"])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from raytracer.cli.base.app import main
-from raytracer.film.negative_pixels import FILTER, READ_NOISE, SPECTRAL, describe_negative_pixels, find_negative_pixels
+from raytracer.film.negative_pixels import FILTER, READ_NOISE, SPECTRAL, find_negative_pixels
 from raytracer.film.white_balance import balance_gains
 from raytracer.plugins.filters.mitchell import Mitchell
 from raytracer.rendering.develop import negative_causes
@@ -95,13 +95,6 @@ def test_what_nothing_explains_is_a_fault(folder, capsys, monkeypatch):
     assert main([*words, "--strict"]) == 1
     # The picture is there all the same, to be looked at.
     assert Path("a.npy").exists()
-
-
-def test_sentences_name_all_causes():
-    found = {"lowest": -0.25, "pixel": [0, 0], "causes": [FILTER, SPECTRAL]}
-    assert describe_negative_pixels(1, found) == (
-        "1 pixel below zero, to -0.25, by the negative lobes of the filter and colours of single wavelengths"
-    )
 
 
 def test_a_picture_of_a_mean_below_zero_is_balanced_without_turning_it_over():

@@ -76,9 +76,6 @@ def centre(image):
     return float(image.radiance[height // 2 - 1 : height // 2 + 1, width // 2 - 1 : width // 2 + 1].mean())
 
 
-# ---- Rendered
-
-
 @pytest.mark.parametrize(
     ("f_number", "seconds", "iso"), [(8.0, 1 / 125, 100.0), (2.8, 1 / 1000, 100.0), (16.0, 1 / 30, 400.0)]
 )
@@ -122,15 +119,6 @@ def test_what_happens_after_the_light_is_gathered_compiles_nothing():
     assert numba.typeof(pack(noise).scene) == numba.typeof(pack(shown).scene) == kernel
 
 
-def test_seeds_of_render_and_sensor():
-    scene = wall("iso: 3200", sensor="format: full_frame, noise: true", shutter=1 / 4000)
-    own = wall("iso: 3200", sensor="format: full_frame, noise: true, seed: 1", shutter=1 / 4000)
-    np.testing.assert_array_equal(taken(scene, seed=1).image.radiance, taken(scene, seed=1).image.radiance)
-    assert (taken(scene, seed=1).image.radiance != taken(scene, seed=2).image.radiance).mean() > 0.9
-    # Other light by a hair, of another seed of the render, is the same number of electrons almost everywhere.
-    assert (taken(own, seed=2).image.radiance != taken(scene, seed=1).image.radiance).mean() < 0.05
-
-
 def test_radiance_may_be_balanced_and_shown_on_film_too():
     text = """
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
@@ -150,9 +138,6 @@ objects: [{type: sphere, center: [0, 0, 9], radius: 0.001}]
     np.testing.assert_array_equal(balanced.layers["depth"], np.inf)
 
 
-# ---- From light that is made by hand
-
-
 def process(exposure=None, sensor=None, white_balance=None, tone_curve=LINEAR):
     return DevelopSettings(exposure, sensor, white_balance, tone_curve)
 
@@ -164,16 +149,6 @@ def camera(iso=100.0, metering=None):
 def light(value=0.5):
     radiance = np.full((HEIGHT, WIDTH, 3), value)
     return Image(radiance, 0.01 * radiance, 4, {"spp": 4}, {"direct": 0.4 * radiance, "depth": radiance})
-
-
-def test_a_balance_that_was_measured_is_told_from_one_that_was_asked_for():
-    measured, given = (
-        develop_photograph(light(), process(white_balance=balance), WHOLE, 0, {})[0].settings
-        for balance in ("auto", (1.0, 1.0, 1.0))
-    )
-    assert measured["white_balance_gains"] == given["white_balance_gains"] == "1.0,1.0,1.0"
-    assert measured["white_balance"] == "auto"
-    assert "white_balance" not in given
 
 
 def test_layers_of_light_are_exposed_as_the_picture_is():
@@ -223,13 +198,6 @@ def test_metering_chooses_no_speed_below_the_base_iso_of_a_sensor():
     assert luminance(dim.radiance).mean() == pytest.approx(10.0 / 78.0, rel=0.01)
 
 
-def test_a_sensor_is_shown_on_film_with_its_saturation_as_white():
-    curve = ToneCurveSpec(type="filmic")
-    result, _ = develop_photograph(light(100.0), process(camera(), SensorSpec(noise=True), None, curve), WHOLE, 0, {})
-    assert (result.display() >= 254).all()
-    assert result.settings["tone_curve"] == "filmic, white 1, in display files only"
-
-
 def test_what_cannot_be_developed_is_refused_before_the_work():
     spot = process(camera(None, Metering("spot", 0.0, 0.0, 0.1)))
     with pytest.raises(InputError, match="outside of the crop"):
@@ -238,8 +206,6 @@ def test_what_cannot_be_developed_is_refused_before_the_work():
     with pytest.raises(InputError, match="at least 3 x 3 pixels"):
         check_develop_settings(process(camera(), SensorSpec(noise=True, bayer="rggb")), CropWindow(2, 2, 0, 0), 2, 2)
 
-
-# ---- Command line
 
 SCENE = """\
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40, exposure: auto}

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.analysis.cost.variants import make_variants
 from raytracer.cli.base.app import main
 from raytracer.core.compiler.dispatch import entry
 from raytracer.film import load_layers
@@ -16,8 +15,6 @@ from raytracer.kernel.path_log import path_log
 from raytracer.kernel.path_state import workspace
 from raytracer.kernel.pixel_accumulator import Clamp, accumulate
 from raytracer.rendering.film_region import film_view
-from raytracer.scene.load import build
-from raytracer.scene.pack.scene import pack
 
 SCENE = """\
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
@@ -114,21 +111,3 @@ def test_it_says_what_it_took(scene, capsys):
     # Some samples of edges see the ball.
     assert main(["explain", "ball.yaml", "-D", "render.clamp=0.45", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["effects"]["clamp"]["active"]
-
-
-def test_without_a_clamp_nothing_is_said_of_it(scene, capsys):
-    assert main(["render", "ball.yaml", "-o", "a.exr", "--stats", "a.json"]) == 0
-    assert "clamp" not in capsys.readouterr().err
-    assert json.loads(Path("a.json").read_text())["clamp"] == {}
-    assert "clamp" not in load_layers("a.exr")[1]
-
-
-def test_its_cost_is_an_arm():
-    spec = build(SCENE.replace("spp: 16", "spp: 16, clamp: 0.3"), "test.yaml")
-    packed = pack(spec)
-    (arm,) = (variant for variant in make_variants(spec, packed) if variant.name == "clamp")
-    assert arm.packed_variant(packed.scene).clamp is None
-    assert not arm.needs_repacking
-    assert "clamp" not in {
-        variant.name for variant in make_variants(build(SCENE, "test.yaml"), pack(build(SCENE, "t.yaml")))
-    }

@@ -33,9 +33,6 @@ def recorded(value, of, iso=100.0, seed=1):
     return simulate_readout(patch(value), of, iso, seed, WHOLE).values
 
 
-# ---- Noise
-
-
 @pytest.mark.parametrize("iso", [100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0, 6400.0])
 @pytest.mark.parametrize("value", [0.05, 0.18, 0.7])
 def test_variance_is_that_of_the_photons_from_iso_100_to_6400(iso, value):
@@ -94,9 +91,6 @@ def test_poisson_quantiles_are_the_exact_ones(mean):
     assert np.abs(found - stats.poisson.ppf(u, mean)).max() <= 1.0
 
 
-# ---- Saturation and rounding
-
-
 def test_light_beyond_saturation_is_clipped_there():
     result = simulate_readout(patch(3.0, 8), sensor(), 100.0, 1, CropWindow(8, 8, 0, 0))
     # The full well has the noise of reading, and what exceeds the largest number becomes that.
@@ -127,23 +121,10 @@ def test_numbers_are_whole_and_as_many_as_the_bits_allow(bits):
     assert np.abs(found - ramp).max() <= 0.5 / levels + 1e-3
 
 
-def test_what_is_not_a_picture_does_no_harm():
-    values = np.zeros((3, 3, 3))
-    values[0] = [np.inf, 1e308, -5.0]
-    values[1] = [np.nan, -np.inf, 0.0]
-    found = simulate_readout(values, sensor(), 100.0, 1, CropWindow(3, 3, 0, 0)).values
-    assert np.isfinite(found).all()
-    assert (found[0, 0, :2] > 0.999).all()
-    assert np.abs(found[1]).max() < 1e-3
-
-
 def test_a_response_is_in_electrons_and_numbers():
     of = make_response(sensor(full_well=60_000.0, base_iso=200.0, bit_depth=12, black_level=256), 800.0)
     assert (of.saturation, of.full_well, of.white, of.black) == (15_000.0, 60_000.0, 4095, 256)
     assert of.scale == pytest.approx(3839.0 / 15_000.0)
-
-
-# ---- Seeds
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_does_not():
@@ -156,18 +137,6 @@ def test_a_crop_has_the_noise_of_the_whole():
     whole = simulate_readout(values, sensor(), 400.0, 3, CropWindow(30, 20, 0, 0)).values
     part = simulate_readout(values[5:12, 7:29], sensor(), 400.0, 3, CropWindow(30, 20, 7, 5)).values
     np.testing.assert_array_equal(part, whole[5:12, 7:29])
-
-
-# ---- Bayer mosaic
-
-
-@pytest.mark.parametrize("bayer", BAYER)
-def test_a_mosaic_of_even_light_is_even(bayer):
-    pytest.importorskip("cv2")
-    of = sensor(bayer=bayer, full_well=1e9, read_noise=0.0, bit_depth=16, black_level=0)
-    color = [0.8, 0.4, 0.1]
-    found = simulate_readout(np.broadcast_to(color, (12, 14, 3)), of, 100.0, 1, CropWindow(14, 12, 0, 0)).values
-    np.testing.assert_allclose(found, np.broadcast_to(color, found.shape), atol=2e-4)
 
 
 @pytest.mark.parametrize("bayer", BAYER)
@@ -206,15 +175,6 @@ def test_a_crop_keeps_the_pattern_of_the_frame():
     part = simulate_readout(values[6:20, 7:29], of, 400.0, 3, CropWindow(30, 24, 7, 6)).values
     # But for the edges, whose neighbours are not there.
     np.testing.assert_array_equal(part[3:-3, 3:-3], whole[9:17, 10:26])
-
-
-def test_light_that_saturates_a_neighbourhood_saturates_its_colours():
-    pytest.importorskip("cv2")
-    values = np.full((9, 9, 3), 0.1)
-    values[:, 4:] = 40.0
-    saturated = simulate_readout(values, sensor(bayer="rggb"), 1600.0, 1, CropWindow(9, 9, 0, 0)).saturated
-    assert saturated[:, 5:].all()
-    assert not saturated[:, :5].any()
 
 
 def test_a_mosaic_needs_three_pixels_a_side():

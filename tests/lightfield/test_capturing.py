@@ -109,17 +109,6 @@ def test_what_does_not_fit_is_told_with_what_it_takes(tmp_path, camera, film, me
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("kind", ["pinhole, ", "thin_lens, aperture: 20, "])
-def test_one_view_is_no_light_field(tmp_path, kind):
-    text = SCENE.format(camera="", film="").replace("camera_array, ", kind)
-    text = text.replace(", rows: 3, columns: 4,\n  spacing: 0.1", "")
-    with pytest.raises(InputError, match="of one view"):
-        capture(build(text, "test.yaml"), tmp_path / "x.lf")
-
-
-# ---- On the command line
-
-
 @pytest.fixture
 def files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -166,27 +155,6 @@ def test_wrong_use_is_one_sentence(files, capsys, words, message):
     assert message in err
     assert len(err.strip().splitlines()) == 1
     assert not Path("x.lf").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "keys",
-    [
-        {"aovs": ("depth", "albedo")},
-        {"camera": ", fill: true, focal_length: 20, iso: 100, shutter: 1, sensor: {format: full_frame, noise: true}"},
-    ],
-)
-def test_layers_and_sensors_are_those_of_the_whole_picture(tmp_path, keys):
-    spec = build(SCENE.format(camera=keys.get("camera", ""), film="").replace("vfov: 40, ", ""), "test.yaml")
-    aovs = keys.get("aovs", ())
-    image = render(spec, threads=2, aovs=aovs).image
-    expected = image.layout.light_field(image)
-    capture(spec, tmp_path / "x.lf", memory=15 * VIEW_BYTES, dtype="float64", threads=2, aovs=aovs)
-    with lf.open(tmp_path / "x.lf") as field:
-        np.testing.assert_array_equal(np.asarray(field.radiance), expected.radiance)
-        assert set(field.layers) == set(aovs)
-        for name in aovs:
-            np.testing.assert_array_equal(np.asarray(field.layers[name]), expected.layers[name])
 
 
 def test_broken_off_in_a_band_it_goes_on_there(tmp_path, monkeypatch):

@@ -69,16 +69,6 @@ def test_depth_is_not_sure_without_light(bright, dark, lit):
     assert np.sqrt((error["dark"] ** 2).mean()) < 1.2 * np.sqrt((error["whole"] ** 2).mean())
 
 
-@pytest.mark.parametrize("method", ["focus", "slopes"])
-def test_depth_that_one_other_view_tells_is_not_sure(bright, method):
-    lit = np.ones(bright.radiance.shape[:4], dtype=bool)
-    lit[..., :, :30] = False
-    lit[3, 3:5] = True
-    found = depth_map(darkened(bright, lit), method=method, threads=1, near=1.5, far=4.0)
-    assert (found.confidence[:, :30] == 0.0).all()
-    assert (found.confidence[:, 40:-4] >= 0.5).mean() > 0.5
-
-
 def test_pictures_are_means_of_what_is_lit(bright, dark, lit):
     seen = lit[3, 3][6:-6, 6:-6]
 
@@ -137,9 +127,6 @@ def test_views_outside_the_lens_are_left_out():
         depth_map(field, row=0, column=0)
 
 
-# ---- what microlenses saw
-
-
 PITCH = 12.3
 SLOPE = 2.7
 """Pixels by which what a microlens sees moves, for each by which one looks beside its middle."""
@@ -193,16 +180,6 @@ def test_finer_than_any_view_behind_hexagons(hexagons, tmp_path):
         single = error(upsample_cubic(field.view(row, column), 4))
         assert error(found) < 0.5 * single
         assert error(found) < 0.6 * error(plain)
-
-
-def test_views_of_the_middle_of_a_lens():
-    """Fewer than fit into the sub-images: the lens is wider than all of them together, and they are all lit."""
-    geometry = dataclasses.replace(views(3, 3, spacing=0.01, width=12, height=9), aperture=0.2)
-    field = LightField(np.ones((3, 3, 9, 12, 3)), geometry)
-    assert lit_views(field).all()
-    assert refocus(field, 1.5).radiance == pytest.approx(1.0)
-    with pytest.raises(InputError, match="wider than all views together"):
-        refocus(field, 1.5, aperture=0.1)
 
 
 def test_samples_in_a_file(hexagons, tmp_path):

@@ -1,12 +1,10 @@
 """Raw pictures behind microlenses: the grid is found again, and the views are what was drawn."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
 
-from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.resampling import Resampler
 from raytracer.lightfield.decoding.calibration import find_grid
 from raytracer.lightfield.decoding.decoder import decode
@@ -52,9 +50,6 @@ def _relative_rms(decoded, row, column):
     return float(np.sqrt(((decoded.view(row, column) - true) ** 2).mean() / (true**2).mean()))
 
 
-# ---- the grid
-
-
 def test_grid_of_a_spoilt_white_picture(pictures):
     # Rotated by 0.7 degrees, dust, hot pixels, clipped, one side and the bottom in half-light, photon and read noise.
     camera, white, _ = pictures
@@ -79,12 +74,6 @@ def test_a_raw_picture_shows_its_own_grid(pictures):
     decoded = decode(raw)
     _check_grid(decoded.grid, camera, offset=0.1)
     assert "no white picture" in decoded.notes[0]
-
-
-def test_grid_in_a_file_is_the_same_grid(pictures):
-    grid = find_grid(pictures[1])
-    again = grid_from_dict(json.loads(json.dumps(grid.as_dict())), "grid.json")
-    assert again == dataclasses.replace(grid, blocks=(0, 0))
 
 
 @pytest.mark.parametrize(
@@ -121,9 +110,6 @@ def test_grid_in_a_wrong_file(change, told):
 def test_pictures_without_a_grid(picture, told):
     with pytest.raises(InputError, match=f"w.png: .*{told}"):
         find_grid(picture, "w.png")
-
-
-# ---- the views
 
 
 def test_views_are_what_is_seen_directly(pictures):
@@ -239,19 +225,6 @@ def test_a_white_picture_is_clipped_where_a_sensors_numbers_end(most, dtype, is_
     cut = np.minimum(white / np.quantile(white, 0.7), 1.0)
     notes = decode(cut, (most * cut).astype(dtype)).notes
     assert any("clipped" in note for note in notes) == is_told
-
-
-# ---- resampling
-
-
-def test_whole_pixels_are_taken_as_they_are():
-    # A grid of 5 pixels: every view is every fifth pixel, bit for bit.
-    raw = np.random.default_rng(0).random((35, 50, 3))
-    resampler = Resampler(Lattice((2.5, 2.5), (5.0, 0.0), (0.0, 5.0)), 50, 35)
-    assert (resampler.count, resampler.width, resampler.height) == (5, 10, 7)
-    for row in range(5):
-        for column in range(5):
-            assert np.array_equal(resampler.view(raw, row, column), raw[row::5, column::5])
 
 
 @pytest.mark.parametrize("hexagonal", [False, True], ids=["square", "hexagonal"])

@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 
 import raytracer as rt
 from raytracer.lightfield.decoding.decoder import decode
 from raytracer.lightfield.decoding.microlens_grid import Optics
-from raytracer.lightfield.super_resolution import upsample_cubic
 from tests.lightfield.lenslet_pictures import dusty, texture
 
 pytestmark = pytest.mark.slow
@@ -92,65 +90,3 @@ def test_decoded_views_are_those_of_a_camera_array(tmp_path, layout):
         assert error < 0.02
         if (row, column) != (5, 5):
             assert np.sqrt(((seen - opposite[2:-2, 2:-2])[1:-1, 3:-1] ** 2).mean()) / scale > 1.5 * error
-
-
-DETAIL = """\
-camera: {{type: {camera}, look_from: [0, 0, 0], look_at: [0, 0, -1], {keys}}}
-film: {{width: {width}, height: {height}}}
-render: {{spp: {spp}, max_depth: 1}}
-textures: {{pattern: {{type: image, file: {pattern}.npy, encoding: linear}}}}
-materials: {{glowing: {{type: emitter, radiance: pattern}}}}
-objects:
-  - {{type: quad, corner: [-0.5, -0.5, -3.2], edges: [[1, 0, 0], [0, 1, 0]], material: glowing}}
-  - {{type: quad, corner: [-0.45, -0.28, -1.5], edges: [[0.45, 0, -1], [0, 0.5, 0]], material: glowing}}
-  - {{type: quad, corner: [0.03, -0.07, -1.4], edges: [[0.2, 0, 0], [0, 0.2, 0]], material: glowing}}
-"""
-
-FINER = 3
-"""Pixels of what is rendered for the truth to one of the truth, so that it can be cut where the views' edges are."""
-
-
-def _truth(folder, views, factor):
-    """Render what a pinhole in the middle of the lens sees, in `factor` times as many pixels as a view."""
-    fine = views.plane.pixel / (factor * FINER)
-    edges = np.array([-views.plane.left, views.plane.top])
-    size = np.array([views.width, views.height])
-    half = np.ceil(np.maximum(edges, size * views.plane.pixel - edges) / fine).astype(int) + 1
-    vfov = 2.0 * math.degrees(math.atan(half[1] * fine))
-    whole = _rendered(folder, "pinhole", f"vfov: {vfov!r}", *(2 * half), 16, scene=DETAIL).radiance
-    left, top = np.rint(half - edges / fine).astype(int)
-    width, height = factor * FINER * size
-    part = whole[top : top + height, left : left + width]
-    return part.reshape(height // FINER, FINER, width // FINER, FINER, 3).mean(axis=(1, 3))
-
-
-@pytest.mark.parametrize(
-    ("microlenses", "least"),
-    [("{pixels: 9}", 0.65), ("{pitch: 140 um, layout: hexagonal, rotation: 0.3, offset: [13 um, 7 um]}", 0.75)],
-    ids=["square", "hexagonal"],
-)
-def test_finer_than_a_view_of_a_raw_picture(tmp_path, microlenses, least):
-    """Letters, as it were: against what a pinhole sees, with four times the pixels along each side."""
-    random = np.random.default_rng(0)
-    grains = random.standard_normal((1024, 1024, 3))
-    pattern = sum(s * gaussian_filter(grains, (s, s, 0), mode="wrap") for s in (1.5, 3.0, 6.0, 12.0))
-    np.save(tmp_path / "pattern.npy", np.clip(0.5 + 0.2 * pattern / pattern.std(), 0.0, 1.0).astype(np.float32))
-    np.save(tmp_path / "white.npy", np.ones((4, 4, 3), np.float32))
-    lens = "focus_distance: 2, sensor: {width: 6 mm, height: 4.8 mm}, focal_length: 50 mm, f_number: 2"
-    keys = f"{lens}, microlenses: {microlenses}"
-    size = (540, 432) if "pixels" in microlenses else (600, 480)
-    raw = _rendered(tmp_path, "light_field", keys, *size, 32, scene=DETAIL)
-    white = _rendered(tmp_path, "light_field", keys, *size, 64, "white", scene=DETAIL)
-    optics = Optics(6000.0 / size[0], 50.0, 2.0, focus_distance=2.0)
-    decoded = decode(raw.radiance, white.radiance, optics=optics).light_field()
-    for field in (decoded, raw.layout.light_field(raw)):
-        depth = rt.lightfield.depth_map(field, threads=2)
-        exact = _truth(tmp_path, field.views, 4)
-        errors = [
-            float(np.sqrt((((picture - exact)[8:-8, 8:-8]) ** 2).mean()))
-            for picture in (
-                rt.lightfield.supersampled(field, 4, depth),
-                upsample_cubic(field.view(depth.row, depth.column), 4),
-            )
-        ]
-        assert errors[0] < least * errors[1]

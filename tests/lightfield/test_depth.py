@@ -56,12 +56,6 @@ def test_without_texture_nothing_is_sure(method):
     assert np.quantile(depth_map(flat, method=method, threads=1).confidence, 0.9) < SURE
 
 
-def test_same_bits_by_any_number_of_threads(leaning):
-    one, three = (depth_map(leaning, threads=threads, near=1.4, far=4.0) for threads in (1, 3))
-    assert np.array_equal(one.inverse, three.inverse)
-    assert np.array_equal(one.confidence, three.confidence)
-
-
 def test_sharp_everywhere_and_finer_than_any_view():
     """Against the views without noise, and against a view rendered with smaller pixels."""
     surfaces = [Surface(2.2, waves(1, 0.06), tilt=(0.3, 0.2))]

@@ -83,10 +83,3 @@ def test_a_small_aperture_has_all_letters_sharp(field):
 
     assert gain(aperture=0.02) < 1.2
     assert gain() > 4.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["shift", "fourier"])
-def test_each_letter_of_the_shipped_size_too(method):
-    field = rendered(9, 320, 288, 8)
-    assert np.abs(sharpest(field, method=method) - (1.0 - STEP * np.arange(9))).max() <= 0.5 * STEP

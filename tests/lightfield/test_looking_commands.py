@@ -11,7 +11,6 @@ from raytracer.film import image_file
 from raytracer.film.formats import pfm
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField, Rays
-from raytracer.lightfield.depth.depth_map import Depth
 from tests.lightfield.analytic import Surface, light_field, views, waves
 
 
@@ -75,19 +74,6 @@ def test_depth(file, tmp_path, capsys):
     with lf.open(file) as field:
         exact = np.asarray(field.layers["depth"][1, 2])
     assert told["median_m"] == pytest.approx(np.median(exact), rel=0.02)
-
-
-def test_a_pixel_that_is_sure_and_wrong_does_not_stretch_what_is_told(file, tmp_path, monkeypatch, capsys):
-    inverse = np.linspace(0.5, 1.0, 1200).reshape(30, 40)
-    inverse[15, 20] = 100.0
-    monkeypatch.setattr(
-        "raytracer.lightfield.depth.depth_map.depth_map", lambda *_, **__: Depth(inverse, np.ones((30, 40)), 1, 2)
-    )
-    assert run("depth", file, "-o", tmp_path / "d.png", "--json", "-q") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert [told["near_m"], told["far_m"]] == pytest.approx([1.0, 2.0], rel=0.02)
-    with PIL.Image.open(tmp_path / "d.png") as picture:
-        assert len(picture.getcolors(4096)) > 200
 
 
 def test_slices_paths_and_sharp_pictures(file, tmp_path):

@@ -70,9 +70,6 @@ def _relative(a, b):
     return float(np.sqrt(np.mean(difference**2) / np.mean(picture**2)))
 
 
-# ---- Views
-
-
 @pytest.mark.parametrize("part", INSIDE)
 def test_inside_the_range_views_make_the_photograph(field, part):
     distance = _distance(field, part)
@@ -89,9 +86,6 @@ def test_a_slice_of_the_spectrum_is_the_sum_of_the_views(field, part):
     distance = _distance(field, part)
     summed = refocus(field, distance, aperture=APERTURE).radiance
     assert _relative(refocus(field, distance, aperture=APERTURE, method="fourier").radiance, summed) < 0.01
-
-
-# ---- Rays
 
 
 def _anywhere(picture):
@@ -119,9 +113,6 @@ def test_rays_of_one_focus_make_the_photograph_of_another(field, part):
     assert _relative(found, truth.radiance) < 1.42 * noise
 
 
-# ---- Apertures after the shot
-
-
 @pytest.mark.parametrize("distance", [0.6, 0.4, 1.4])
 def test_stopped_down_after_the_shot(field, distance):
     # 216 mm at f/3.6 is the lens of 60 mm; f/18 is 12 mm.
@@ -141,6 +132,3 @@ def test_rays_are_stopped_down_one_by_one():
     rays = of(photograph(distance))
     found = refocus(rays, distance, aperture=opening, method="rays").radiance
     assert _relative(found, photograph(distance, opening).radiance) < 0.02
-
-
-# ---- Behind microlenses

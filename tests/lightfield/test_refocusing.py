@@ -8,11 +8,9 @@ import pytest
 
 from raytracer.film.light_field.field import LightField, Rays
 from raytracer.film.light_field.focusing import alpha_to_inverse_distance, refocusable, slope_to_inverse_distance
-from raytracer.film.light_field.views import Views
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.lightfield.refocusing.shift_and_sum import INTERPOLATIONS, interpolation_taps, make_shift
 from raytracer.lightfield.synthetic_aperture import cell_weights
-from raytracer.plugins.apertures.polygon import PolygonAperture
 from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, views, waves
 
@@ -37,21 +35,12 @@ def _off(a, b, border=8):
     return float(np.sqrt(np.mean((a[inner] - b[inner]) ** 2) / np.mean(b[inner] ** 2)))
 
 
-# ---- The plane of focus
-
-
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
 def test_a_wall_in_focus_is_what_the_middle_sees(wall, interpolation):
     # What a pinhole sees of it, however far the views are apart: that is what sharp means.
     found = refocus(wall, 1.6, interpolation=interpolation).radiance
     assert _off(found, wall.view(3, 3)) < {"linear": 0.03, "cubic": 0.01, "lanczos": 0.005}[interpolation]
     assert _off(refocus(wall, 2.0).radiance, wall.view(3, 3)) > 0.05
-
-
-def test_the_default_is_the_plane_where_views_converge(wall):
-    found = refocus(wall)
-    np.testing.assert_allclose(found.radiance, np.asarray(wall.radiance).mean(axis=(0, 1)), rtol=1e-12)
-    assert found.settings["refocused_m"] == pytest.approx(2.0)
 
 
 def test_a_tilted_plane_is_sharp_all_over(floor):
@@ -98,9 +87,6 @@ def test_a_crop_is_a_part_of_the_picture(wall, method):
     np.testing.assert_allclose(refocus(wall, 1.3, tilt=30.0, crop=(5, 20, 40, 48)).radiance, leaning[20:48, 5:40])
 
 
-# ---- Borders
-
-
 def test_at_borders_it_is_the_mean_of_the_views_that_see_there():
     # Views that are as bright as their number squared: the mean over those which see a pixel, computed one by one.
     geometry = views(1, 5, spacing=0.05, width=20, height=4, vfov=3.0)
@@ -120,9 +106,6 @@ def test_an_even_scene_stays_even(options):
     np.testing.assert_allclose(refocus(field, 1.4, **options).radiance, 0.7, rtol=1e-3)
 
 
-# ---- Between pixels
-
-
 @pytest.mark.parametrize(("interpolation", "degree"), [("linear", 1), ("cubic", 2)])
 def test_polynomials_are_moved_exactly(interpolation, degree):
     places = np.arange(40.0)
@@ -140,9 +123,6 @@ def test_whole_pixels_are_moved_as_they_are(interpolation):
     np.testing.assert_allclose(weights, np.arange(first, first + len(weights)) == 0, atol=1e-8)
 
 
-# ---- Openings
-
-
 def test_cells_are_weighted_by_what_of_them_is_covered():
     geometry = replace(views(15, 15, spacing=0.004), cell=(0.004, 0.004), aperture=0.06)
     weights = cell_weights(geometry)
@@ -153,23 +133,10 @@ def test_cells_are_weighted_by_what_of_them_is_covered():
     assert 0.0 < weights[0, 7] < 1.0
 
 
-def test_a_square_diaphragm_has_the_disc_s_area():
-    geometry = views(21, 21, spacing=0.004)
-    square = PolygonAperture(blades=4, rotation=45.0).pack({})
-    weights = cell_weights(geometry, 0.05, square)
-    assert weights.sum() * 0.004**2 == pytest.approx(math.pi * 0.025**2, rel=2e-2)
-    # Its half edge is sqrt(pi) / 2 of the disc's radius: 22.16 mm, 5 cells and 0.54 of the sixth.
-    np.testing.assert_allclose(weights[10, 10:17], [1, 1, 1, 1, 1, 1, 0.0], atol=0.05)
-    np.testing.assert_allclose(weights[4:17, 4:17], np.minimum.outer(weights[4:17, 10], weights[10, 4:17]), atol=0.05)
-
-
 def test_an_opening_may_be_off_the_middle(wall):
     # So small that only one view is within it: the picture is that view, focused or not, moved to the plane.
     found = refocus(wall, aperture=0.01, center=(0.1, 0.05)).radiance
     np.testing.assert_allclose(found, wall.view(2, 5), rtol=1e-12)
-
-
-# ---- Rays
 
 
 def test_rays_go_where_they_meet_the_plane():
@@ -191,18 +158,12 @@ def test_rays_go_where_they_meet_the_plane():
     assert refocus(field, 1.0, method="rays", scale=2.0).radiance.shape == (96, 128, 3)
 
 
-# ---- Slices
-
-
 @pytest.mark.parametrize("size", [(7, 7), (4, 6), (1, 5)])
 def test_a_slice_is_the_sum(size):
     field = light_field(views(*size, spacing=0.03, width=48, height=48), [Surface(1.6, WALL)], supersampling=1)
     for distance in (0.8, 1.6, 5.0):
         summed = refocus(field, distance).radiance
         assert _off(refocus(field, distance, method="fourier").radiance, summed, 12) < 0.01
-
-
-# ---- What is refused
 
 
 @pytest.mark.parametrize(
@@ -236,13 +197,3 @@ def test_a_light_field_without_metres_takes_slopes_only(wall):
     with pytest.raises(InputError, match="give a slope"):
         refocus(bare, 2.0)
     assert refocus(bare, slope=0.5).radiance.shape == (48, 64, 3)
-
-
-def test_scattered_views_have_no_slices(wall):
-    places = wall.views.position + 1e-4 * np.random.default_rng(1).standard_normal(wall.views.position.shape)
-    scattered = replace(wall, views=replace(wall.views, position=places))
-    with pytest.raises(InputError, match="not on a regular grid"):
-        refocus(scattered, 1.6, method="fourier")
-    # By shift they are focused where they are.
-    assert isinstance(scattered.views, Views)
-    assert refocus(scattered, 1.6).radiance.std() > 0.01

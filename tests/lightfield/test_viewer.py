@@ -19,7 +19,6 @@ from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Plane, Views
 from raytracer.lightfield.refocusing.refocus import refocus
-from raytracer.lightfield.viewer.page import page as page_of
 from raytracer.lightfield.viewer.page import write_page
 from tests.browser import WEBGL
 from tests.lightfield.analytic import Surface, light_field, views, waves
@@ -103,9 +102,6 @@ def place(page, at):
     return box["x"] + at[0] * box["width"], box["y"] + at[1] * box["height"]
 
 
-# ---- the picture is the one that Python makes ----
-
-
 @pytest.mark.parametrize("distance", [NEAR, 2.0, FAR])
 def test_it_is_refocused_as_by_python(opened, field, distance):
     """All views count the same: within the rounding of two times 8 bits, and that of a graphics card's filter."""
@@ -138,16 +134,6 @@ def test_behind_a_lens_views_count_by_what_it_lets_through(opened, field):
     assert number(page, "aperture") == 1.0
     right, up = page.evaluate("state.eye")
     assert np.hypot(right, up) <= 0.5 * across * (1.0 + 1e-12)
-
-
-def test_closed_it_is_a_view(opened, field):
-    """Through a pinhole where a view is, focused where all views see the same: bits for bits."""
-    page = opened(field, f"#focus=2&aperture=0&from={1000 * SPACING * 2},{1000 * SPACING}")
-    np.testing.assert_allclose(seen(page), srgb.to_uint8(field.view(2, 5)), atol=1.0)
-    assert page.locator("#aperture output").inner_text() == "closed: everything is sharp"
-
-
-# ---- what is done to it ----
 
 
 @pytest.mark.parametrize("distance", [NEAR, MIDDLE, FAR])
@@ -220,16 +206,6 @@ def test_sliders_and_keys(opened, field):
     assert number(page, "focus") == pytest.approx(MIDDLE, rel=0.01)
 
 
-def test_a_double_click_makes_all_sharp(opened, field):
-    page = opened(field, f"#focus={FAR}")
-    before = seen(page)
-    page.mouse.dblclick(*place(page, AT[MIDDLE]))
-    settled(page)
-    after = seen(page)
-    for distance in (NEAR, MIDDLE):
-        assert sharpness(after, AT[distance]) > 1.5 * sharpness(before, AT[distance])
-
-
 def test_the_address_says_what_is_seen(opened, field):
     page = opened(field, "#focus=2.5&aperture=0.3&from=10,-5&ev=1.5&shape=round")
     shown = page.evaluate("document.body.dataset.shown")
@@ -238,9 +214,6 @@ def test_the_address_says_what_is_seen(opened, field):
     page.wait_for_url("**#focus=2.5&aperture=0.3&from=0,0&ev=1.5&shape=round")
     page.goto(page.url.split("#")[0] + "#focus=-1&aperture=x&zoom=2&ev=2")
     page.wait_for_function("() => addressOf() === 'focus=2.5&aperture=0.3&from=0,0&ev=2&shape=round'")
-
-
-# ---- what it looks like ----
 
 
 @pytest.mark.parametrize("size", [(360, 640), (1280, 800)])
@@ -267,9 +240,6 @@ def test_without_webgl_there_is_a_picture(open_page, field, tmp_path):
     assert "no WebGL 2" in page.locator("#trouble").inner_text()
     assert page.evaluate("find('#still').decode().then(() => find('#still').naturalWidth)") == WIDTH
     assert not page.locator("#camera").is_visible()
-
-
-# ---- light fields of other kinds ----
 
 
 def part(field, rows, columns):
@@ -334,62 +304,10 @@ def test_the_dark_is_brightened_and_said(opened, field):
     assert seen(page).mean() < 100.0
 
 
-def test_light_beyond_white_stays_light(opened, field):
-    """A highlight is spread by blur as light is, not as what a display can show of it."""
-    radiance = np.array(field.radiance)
-    radiance[:, :, 20:23, 70:73] = 40.0
-    bright = dataclasses.replace(field, radiance=radiance)
-    page = opened(bright, f"#focus={NEAR}")
-    picture = refocus(bright, NEAR, interpolation="linear").radiance
-    wanted = srgb.to_uint8(picture)
-    clipped = srgb.to_uint8(refocus(dataclasses.replace(bright, radiance=np.clip(radiance, 0, 1)), NEAR).radiance)
-    error = np.abs(seen(page) - wanted)
-    assert np.abs(clipped - wanted.astype(float)).max() > 60.0
-    # The upper fifth of the codes holds 5.3 octaves: half a code is 3.7 % of light, 5 of 255 where it is near white.
-    assert error.max() <= 6.0
-    assert np.median(error) <= 1.0
-
-
-def test_views_at_any_places(opened, field):
-    """Places that are not those of a grid: each view is shifted by its own."""
-    moved = field.views.position + np.random.default_rng(5).uniform(-0.3, 0.3, (7, 7, 2)) * SPACING
-    uneven = dataclasses.replace(field, views=dataclasses.replace(field.views, position=moved))
-    page = opened(uneven, f"#focus={MIDDLE}")
-    wanted = srgb.to_uint8(refocus(uneven, MIDDLE, interpolation="linear").radiance)
-    assert np.abs(seen(page) - wanted).max() <= 3.0
-
-
-# ---- without a browser ----
-
-
-def noisy(rows, columns, width, height):
-    """Views that no codec makes much smaller: noise of a tenth around a ramp."""
-    random = np.random.default_rng(7)
-    ramp = np.linspace(0.2, 0.8, width)[None, :, None]
-    radiance = np.empty((rows, columns, height, width, 3), dtype=np.float32)
-    for index in np.ndindex(rows, columns):
-        radiance[index] = ramp + 0.1 * random.standard_normal((height, width, 3), dtype=np.float32)
-    depth = np.full(radiance.shape[:4], 2.5)
-    return LightField(np.clip(radiance, 0.0, 1.0), views(rows, columns, width=width, height=height), {"depth": depth})
-
-
-def test_few_large_views_become_smaller():
-    made = page_of(noisy(3, 3, 320, 240), size=1_000_000)
-    assert len(made.html) <= 1_000_000
-    assert re.search(r"views of \d+ x \d+ pixels in place of 320 x 240", made.notes[0])
-
-
 def test_what_fits_is_held_without_losses(field, tmp_path):
     path = tmp_path / "page.html"
     assert write_page(path, field) == ()
     np.testing.assert_array_equal(decoded(data_in(path)["views"][9]["picture"]), srgb.to_uint8(field.view(1, 2)))
-
-
-@pytest.mark.slow
-def test_a_page_of_81_views_is_under_40_megabytes():
-    made = page_of(noisy(9, 9, 512, 384))
-    assert len(made.html) < 40e6
-    assert not any("views of" in note or "of its" in note for note in made.notes)
 
 
 def test_on_the_command_line(field, tmp_path):

@@ -1,16 +1,13 @@
 """Views, slices and paths among views."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 from raytracer.lightfield.depth.depth_map import Depth
 from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
-from raytracer.lightfield.splines import Spline
 from raytracer.lightfield.views.camera_paths import PATHS, path_places
 from raytracer.lightfield.views.contact_sheet import montage
-from raytracer.lightfield.views.synthesis import view_at, view_weights
+from raytracer.lightfield.views.synthesis import view_at
 from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, seen, views, waves
 
@@ -25,20 +22,6 @@ def field():
 
 def away(picture, exact):
     return float(np.sqrt(((picture - exact) ** 2).sum() / (exact**2).sum()))
-
-
-def test_moved_as_a_whole_is_moved_pixel_by_pixel():
-    image = np.random.default_rng(0).random((20, 30, 3))
-    spline = Spline(image)
-    for right, down in [(0.0, 0.0), (1.3, -2.75), (-5.25, 3.5), (40.0, 1.0)]:
-        moved, (rows, columns) = spline.shifted(right, down)
-        y, x = np.indices((20, 30)).astype(float)
-        assert moved == pytest.approx(spline.at(y + down, x + right)[0], abs=1e-12)
-        inside = (y + down >= 0) & (y + down <= 19) & (x + right >= 0) & (x + right <= 29)
-        marked = np.zeros((20, 30), dtype=bool)
-        marked[rows, columns] = True
-        assert np.array_equal(marked, inside)
-    assert np.allclose(spline.shifted(0.0, 0.0)[0], image, rtol=0.0, atol=1e-12)
 
 
 def test_a_view_where_one_is(field):
@@ -68,17 +51,6 @@ def test_what_is_hidden_in_a_view_is_not_taken_from_it():
     depth = Depth(1.0 / field.layers["depth"][1, 1], np.ones((60, 72)), 1, 1)
     place = 0.045, 0.05
     assert away(view_at(field, *place, depth=depth), seen(apart, SURFACES, place)[0]) < 0.04
-
-
-def test_places_that_are_no_grid():
-    random = np.random.default_rng(3)
-    position = GEOMETRY.position + random.uniform(-0.005, 0.005, GEOMETRY.position.shape)
-    scattered = dataclasses.replace(GEOMETRY, position=position)
-    around = view_weights(scattered, 0.011, -0.02)
-    assert len(around) == 3
-    assert sum(s.weight for s in around) == pytest.approx(1.0, abs=1e-12)
-    middle = sum(s.weight * position[s.row, s.column] for s in around)
-    assert middle == pytest.approx([0.011, -0.02], abs=1e-12)
 
 
 def test_the_montage_has_each_view_in_its_place(field):

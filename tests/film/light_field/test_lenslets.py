@@ -134,9 +134,6 @@ def test_a_picture_smaller_than_a_sub_image_holds_no_views():
         _ = layout.views
 
 
-# ---- The part of a rectangle that is within a disc
-
-
 def test_a_disc_in_a_square_covers_a_quarter_of_pi():
     assert disc_coverage(-3.0, -3.0, 6.0, 6.0, 3.0) == pytest.approx(math.pi / 4.0)
     assert disc_coverage(-3.0, 0.0, 6.0, 3.0, 3.0) == pytest.approx(math.pi / 4.0)

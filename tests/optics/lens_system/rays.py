@@ -32,9 +32,7 @@ def gone_through(
 ) -> Gone:
     """Rays (n, 3) through a lens, whose glasses have the index of a wavelength (nm)."""
     packed = lens.packed(wavelength) if isinstance(lens, Lens) else lens
-    starts = np.array(origins, np.float64, ndmin=2)
-    ways = np.array(np.broadcast_to(np.asarray(directions, np.float64), starts.shape))
-    return Gone(*trace_rays(packed, starts, ways, towards_film, None))
+    return Gone(*trace_rays(packed, origins, directions, towards_film, None))
 
 
 def parallel(

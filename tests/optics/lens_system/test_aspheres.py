@@ -134,11 +134,3 @@ def test_nothing_hangs_or_is_no_number(name):
 def test_what_is_no_surface_is_named(changes, words):
     with pytest.raises(ValueError, match=f"^surface 2 .*{words}"):
         Lens("bad", (Element(0.0, 1.0, GLASS, 9.0), Element(0.02, 0.0, AIR, 9.0)._replace(**changes)))
-
-
-def test_two_stops_and_no_surfaces_are_named():
-    with pytest.raises(ValueError, match="a lens needs a surface"):
-        Lens("empty", ())
-    stop = Element(0.0, 1.0, AIR, 9.0, "stop", is_stop=True)
-    with pytest.raises(ValueError, match="surface 2 is a second stop"):
-        Lens("two", (stop, stop))

@@ -7,27 +7,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import entry
 from raytracer.core.fresnel import fresnel_dielectric
 from raytracer.optics.lens_system.coatings import Coating, pack_coatings, reflectance
+from tests.vectorised import rows, vectorised
 
 Array = NDArray[np.float64]
 
 MGF2 = Coating()
 
 
-@entry
-def _reflected(coatings, cosines, near, far, wavelength, out):
-    for i in range(len(cosines)):
-        out[i, 0], out[i, 1] = reflectance(coatings, 0, cosines[i], near, far, wavelength)
-
-
 def reflected(coating, cosines, near, far, wavelength=550.0):
     """Reflectances and cosines of refraction (n, 2) of a surface, for cosines of incidence (n,)."""
-    given = np.atleast_1d(np.asarray(cosines, np.float64))
-    out = np.empty((len(given), 2))
-    _reflected(pack_coatings([coating], [near, far]), given, near, far, float(wavelength), out)
-    return out
+    coatings = pack_coatings([coating], [near, far])
+    return vectorised(reflectance)(coatings, 0, rows(np.atleast_1d(cosines)), near, far, float(wavelength))
 
 
 def by_matrices(coating, angle, near, far, wavelength):

@@ -51,12 +51,3 @@ def test_focus_goes_from_infinity_to_the_nearest_plane(path, how):
     lens = read_lens(path)
     for radius in stops(lens, 2):
         assert_sweep(lens, how, radius, 4)
-
-
-@pytest.mark.slow
-@every_lens
-@every_way
-def test_focus_at_all_stops(path, how):
-    lens = read_lens(path)
-    for radius in stops(lens, 13):
-        assert_sweep(lens, how, radius, 40)

@@ -10,7 +10,6 @@ from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil
 from raytracer.optics.lens_system.focusing import (
     FOCUS_CRITERIA,
-    _find_root,
     film_position,
     focus_lens,
     focus_range,
@@ -131,24 +130,3 @@ def test_what_has_no_focus_is_named():
         dataclasses.replace(INNER, focus=Focus("hand"))
     with pytest.raises(ValueError, match="from surface 3 to 9, of 4"):
         dataclasses.replace(INNER, focus=Focus("group", 3, 9))
-
-
-def test_a_root_is_looked_for_by_so_many_images_at_most():
-    asked = []
-
-    def jumping(place):
-        # A pole and no root between any two places, as of a lens whose image jumps.
-        asked.append(place)
-        return 1.0 / math.sin(math.pi * (place + 0.3))
-
-    with pytest.raises(ValueError, match="no steady focus: its image jumps past the film at 32 places, and 4 are"):
-        _find_root(jumping, np.arange(33.0))
-    assert len(asked) <= 33 + 4 * 102
-
-    # After one pole a root is found.
-    asked.clear()
-    assert _find_root(lambda x: jumping(x) if x < 1.0 else 1.5 - x, np.arange(3.0)) == pytest.approx(1.5)
-
-
-def test_places_without_light_between_two_with_some_are_no_root():
-    assert _find_root(lambda place: place - 0.5 if place in (0.0, 1.0) else math.nan, np.arange(2.0)) is None

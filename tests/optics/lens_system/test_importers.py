@@ -3,10 +3,8 @@
 import os
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from raytracer.optics.glass import AIR, CATALOGUE, constant_index_glass
+from raytracer.optics.glass import AIR, CATALOGUE
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.importers import Choices, as_yaml, import_lens, parse_glasses
 from raytracer.scene.assets.lenses import read_lens, read_prescription
@@ -101,16 +99,6 @@ def complaint(path):
     return told.removeprefix(str(path))
 
 
-def outcome(path):
-    try:
-        return import_lens(path)
-    except SceneError as error:
-        return str(error)
-
-
-# ---- pbrt
-
-
 def test_a_table_of_pbrt(tmp_path):
     spec = import_lens(written(tmp_path, "dgauss.dat", TABLE)).spec
     assert (spec.name, spec.source) == ("Double Gauss f/2", "US patent 2,673,491")
@@ -154,9 +142,6 @@ def test_a_radius_of_0_between_two_media_is_flat_glass(tmp_path):
 )
 def test_what_is_no_table(tmp_path, text, expected):
     assert expected in complaint(written(tmp_path, "broken.dat", text))
-
-
-# ---- Zemax
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
@@ -248,25 +233,10 @@ def test_what_is_not_supported(tmp_path, old, new, expected):
     assert expected in complaint(changed(tmp_path, old, new))
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("", ": holds 0 surfaces: a lens needs one between the object and the image"),
-        ("SURF 0\nSURF 1\n", ": holds 2 surfaces"),
-        ("SURF 0\n  DISZ INFINITY\nSURF 1\n  DISZ 3\nSURF 2\n", ": holds no glass"),
-    ],
-)
-def test_what_is_no_prescription(tmp_path, text, expected):
-    assert expected in complaint(written(tmp_path, "lens.zmx", text))
-
-
 @pytest.mark.parametrize("definition", ["", "SK16", "=1.5", "SK16=", "SK16=1.6/", "SK16=a/b", "SK16=1.6/1", "SK16=NN"])
 def test_what_is_no_glass_option(definition):
     with pytest.raises(ValueError, match=r"^[^\n]+$"):
         parse_glasses([definition])
-
-
-# ---- Files
 
 
 def test_files_that_cannot_be_read(tmp_path):
@@ -296,25 +266,3 @@ def test_what_is_imported_is_written_and_read_as_the_same_lens(tmp_path, name, t
     again = written(tmp_path, "again.yaml", as_yaml(spec))
     assert read_prescription(again) == spec == read_prescription(path)
     assert read_lens(again) == read_lens(path) == spec.lens()
-
-
-@pytest.mark.parametrize(("name", "text"), [("damaged.dat", TABLE), ("damaged.zmx", COOKE)])
-def test_damage_anywhere_is_a_sentence_at_worst(name, text, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("damaged")
-
-    @settings(max_examples=150, deadline=None)
-    @given(st.data())
-    def damage(data):
-        broken = text.encode()
-        for _ in range(data.draw(st.integers(1, 3))):
-            place, cut = data.draw(st.integers(0, len(broken))), data.draw(st.integers(0, 12))
-            broken = broken[:place] + data.draw(st.binary(max_size=4)) + broken[place + cut :]
-        path = folder / name
-        path.write_bytes(broken)
-        found = outcome(path)
-        if isinstance(found, str):
-            assert "\n" not in found
-        else:
-            assert constant_index_glass(1.0) == found.lens().elements[-1].glass
-
-    damage()

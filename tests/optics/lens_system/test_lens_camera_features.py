@@ -46,9 +46,6 @@ def taken(spec, **settings):
     return result
 
 
-# ---- Files
-
-
 @pytest.fixture
 def folder(tmp_path):
     """A scene with its lens beside it."""
@@ -102,9 +99,6 @@ def test_what_no_lens_can_do_is_told_by_its_key(old, new, words):
     assert "\n" not in str(caught.value)
 
 
-# ---- What is said
-
-
 def test_effects_and_numbers():
     found = explain(scene(", shutter: 1/100 s, iso: 100"))
     for name in ("real_lens", "defocus", "vignetting", "projection", "exposure"):
@@ -138,9 +132,6 @@ def test_focus_on_what_is_there(how):
     assert pack(spec).spec.camera.focus_distance == pytest.approx(expected, abs=1e-6)
 
 
-# ---- Pictures
-
-
 def test_crops_and_threads_take_the_same_samples():
     spec = scene(spp=32)
     whole = taken(spec).image
@@ -149,21 +140,6 @@ def test_crops_and_threads_take_the_same_samples():
     alone = render(spec, threads=1, seed=3).image
     np.testing.assert_array_equal(alone.radiance, whole.radiance)
     assert 0.05 < whole.radiance.mean() < 1.0
-
-
-@pytest.mark.slow
-def test_layers_are_those_of_the_scene():
-    found = taken(scene(spp=64), aovs=["depth", "position", "normal", "object_id"]).image.layers
-    # Distances along the axis are those of the wall, from wherever on the glass rays leave it.
-    np.testing.assert_allclose(found["depth"], 4.0, rtol=0.0, atol=1e-6)
-    np.testing.assert_allclose(found["position"][..., 2], -4.0, rtol=0.0, atol=1e-6)
-    np.testing.assert_allclose(found["normal"], np.broadcast_to([0.0, 0.0, 1.0], found["normal"].shape), atol=1e-6)
-    # The picture is upright, and as large as the magnification says.
-    x, y = found["position"][..., 0], found["position"][..., 1]
-    assert (np.diff(x.mean(axis=0)) > 0.0).all()
-    assert (np.diff(y.mean(axis=1)) < 0.0).all()
-    width = (x[8, -1] - x[8, 0]) * 24.0 / 23.0
-    assert width == pytest.approx(36e-3 * (4.0 - 0.05) / 0.05, rel=0.05)
 
 
 @pytest.mark.slow
@@ -180,21 +156,6 @@ def test_motion_is_that_of_the_thin_lens():
 
 
 @pytest.mark.slow
-def test_a_rolling_shutter_skews():
-    """A shining bar that goes sideways leans, by v readout; its middle in each row is that of the thin lens."""
-    bar = (
-        "  - {type: quad, corner: [-0.05, -9, -4], edges: [[0.1, 0, 0], [0, 18, 0]], "
-        "material: {type: emitter, radiance: 1}, motion: {velocity: [1, 0, 0]}}\n"
-    )
-    shutter = ", shutter: {open: -0.5, duration: 0.001, readout: 1}"
-    picture = taken(scene(shutter, bar, spp=256)).image.radiance[..., 1]
-    middles = (picture * (np.arange(24) + 0.5)).sum(axis=1) / picture.sum(axis=1)
-    slope = np.polyfit(np.arange(16), middles, 1)[0] * 16
-    expected = 1e3 * 50.7 / 3950.0 / (36.0 / 24.0)
-    assert slope == pytest.approx(expected, rel=0.05)
-
-
-@pytest.mark.slow
 def test_a_camera_in_fog_sees_through_it():
     """What shines 4 m before the entrance pupil is dimmer by exp(-sigma s), with s from the front of the glass."""
     plain_wall = WALL.replace("MATERIAL", "{type: emitter, radiance: 1}")
@@ -204,29 +165,3 @@ def test_a_camera_in_fog_sees_through_it():
     seen = (dim / clear)[7:9, 11:13].mean()
     # The pupil is some 2 to 4 cm behind the front.
     assert math.exp(-0.2 * 4.0) < seen < math.exp(-0.2 * (4.0 - 0.06))
-
-
-@pytest.mark.slow
-def test_a_stop_with_blades_blurs_as_one():
-    """Of a square that stands on a corner <x^2 y^2> / <x^2> <y^2> is 36 / 90, and of a disc 16 / 24."""
-    spot = (
-        "  - {type: disc, center: [0, 0, -30], normal: [0, 0, 1], radius: 0.03, "
-        "material: {type: emitter, radiance: 1}}\n"
-    )
-    ratios = {}
-    for shape in ("", ", aperture_shape: {type: polygon, blades: 4}"):
-        close = text(f"{shape}, dispersion: false", spot, spp=2048)
-        close = close.replace("focus_distance: 4", "focus_distance: 1").replace(
-            "full_frame", "{width: 1.8, height: 1.2}"
-        )
-        picture = taken(build(close, "test.yaml")).image.radiance[..., 1]
-        rows, columns = np.mgrid[0:16, 0:24] + 0.5 - np.array([8.0, 12.0])[:, None, None]
-        x, y, both = ((picture * m).sum() / picture.sum() for m in (columns**2, rows**2, columns**2 * rows**2))
-        ratios[shape] = both / (x * y)
-    disc, square = ratios.values()
-    # The lens is not free of spherical aberration, so that blurs are not quite even.
-    assert disc == pytest.approx(16.0 / 24.0, rel=0.08)
-    assert square == pytest.approx(36.0 / 90.0, rel=0.2)
-
-
-# ---- Sweeps

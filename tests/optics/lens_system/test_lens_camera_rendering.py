@@ -51,9 +51,6 @@ def packed_camera(camera, width, height):
     return pack(build(text, "test.yaml", allow_files="/")).scene.camera
 
 
-# ---- A thin piece of glass
-
-
 @pytest.mark.parametrize("focus", ["1.5", ".inf"])
 def test_a_thin_piece_of_glass_is_a_thin_lens(tmp_path, focus):
     """f/16 and 3 degrees: the glass's own errors are far below a pixel of 0.05 mm, and what is out of focus is not.
@@ -107,9 +104,6 @@ def test_exposure_on_the_axis_is_that_of_the_f_number(f_number):
     camera = packed_camera(f"type: lens, lens: '{DOUBLE_GAUSS}', {exposed}", 36, 24)
     weights = weighted_rays(camera, np.full(20000, 18.0), 12.0)[2]
     assert weights.mean() == pytest.approx(math.pi / (4.0 * f_number**2), rel=0.01)
-
-
-# ---- Relative illumination
 
 
 @pytest.mark.parametrize(("f_number", "focus"), [(2.0, ".inf"), (2.0, "0.6"), (4.0, "3"), (16.0, ".inf")])

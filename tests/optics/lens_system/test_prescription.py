@@ -96,17 +96,6 @@ surfaces:
     assert lens.elements[1].glass is CATALOGUE["N-BK7"]
 
 
-def test_the_whole_lens_moves_by_default(tmp_path):
-    text = LENS.replace("focus: {moves: group, first: 2, last: 3}\n", "")
-    assert read_lens(written(tmp_path, text)).focus.moves == "all"
-    assert (
-        read_lens(written(tmp_path, LENS.replace("{moves: group, first: 2, last: 3}", "sensor"))).focus.moves
-        == "sensor"
-    )
-
-
-# ---- What is refused
-
 MISTAKES = [
     ("radius: 40", "radius: 0", ":6: surfaces[0].radius: must be neither zero nor infinite, got 0: flat glass is"),
     ("radius: 40", "radius: inf", ":6: surfaces[0].radius: must be neither zero nor infinite"),
@@ -151,36 +140,6 @@ MISTAKES = [
 def test_a_mistake_is_told_with_line_and_key(tmp_path, old, new, expected):
     assert old in LENS
     assert expected in complaint(tmp_path, LENS.replace(old, new, 1))
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("", ": is empty; a lens needs at least name and surfaces"),
-        ("[1, 2]", ":1: must be a mapping (name, "),
-        ("name: a\nsurfaces: []\n", ":2: surfaces: must hold at least 1 values, got 0"),
-        (
-            "name: a\nsurfaces:\n  - {type: spherical, radius: 30 s, aperture: 2}\n",
-            ":3: surfaces[0].radius: must be a length",
-        ),
-        ("name: a\nsurfaces: 3\n", ":2: surfaces: must be a list, got 3"),
-        ("name: a\nname: b\n", ":2: the key 'name' is given twice"),
-        ("name: [\n", "not valid YAML"),
-        ("\0", ": is a binary file, not a lens in YAML"),
-    ],
-)
-def test_what_is_no_lens_file(tmp_path, text, expected):
-    assert expected in complaint(tmp_path, text)
-
-
-def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(SceneError, match="no such file"):
-        read_lens(tmp_path / "none.yaml")
-    with pytest.raises(SceneError, match="is a folder, not a lens file"):
-        read_lens(tmp_path)
-
-
-# ---- Round trips and the schema
 
 
 @pytest.mark.parametrize("path", sorted((SCENES / "lenses").glob("*.yaml")), ids=lambda path: path.stem)

@@ -22,9 +22,6 @@ def crossing(points, directions):
     return points[:, 2] - points[:, 1] * directions[:, 2] / directions[:, 1]
 
 
-# ---- First order
-
-
 def test_the_doublet_is_that_of_the_book():
     # Kingslake, Johnson 2010: focal length 12.000, paraxial back focus 11.2858, marginal back focus at 2 mm 11.2939.
     lens = lens_of(DOUBLET)
@@ -85,9 +82,6 @@ def test_rays_near_the_axis_follow_the_matrix(rows, towards_film):
         np.testing.assert_allclose((at_vertex, out), matrix @ (height, slope), rtol=0.0, atol=1e-15)
 
 
-# ---- Rays
-
-
 def test_rays_come_back_the_way_they_went():
     lens = lens_of(DOUBLE_GAUSS)
     rng = np.random.default_rng(2)
@@ -136,9 +130,6 @@ def test_a_front_that_bulges_is_met_from_the_side():
         distances, cosines = met(1.0, on - 7.0 * direction, direction)
         assert distances[0] == pytest.approx(7.0, abs=1e-14)
         assert cosines[0] > 0.0
-
-
-# ---- Focus
 
 
 @pytest.mark.parametrize("distance", [math.inf, 1e6, 1000.0, 200.0])

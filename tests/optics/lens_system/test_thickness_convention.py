@@ -102,24 +102,6 @@ def test_the_wrong_reading_is_warned_of(tmp_path):
     assert "surfaces 1 and 2 go through each other within their apertures" in lens_warnings(wrong)
 
 
-@pytest.mark.parametrize("place", ["after", "before"])
-def test_the_name_decides_where_surfaces_do_not(place, tmp_path):
-    choices = Choices(thickness="after" if place == "after" else "before")
-    expected = cardinal_points(import_lens(table(tmp_path, "a.dat", PAIR), choices).lens().packed()).focal_length
-    engraved = f"{1.02 * expected:.1f}"
-    heading = "radius axpos N aperture"
-    named = [
-        table(tmp_path, f"pair.{engraved}mm.dat", PAIR),
-        table(tmp_path, "b.dat", PAIR, (f"f = {engraved}, f/4", heading)),
-        table(tmp_path, "c.dat", PAIR, ("EFL=254mm", f"Scaled to {engraved} mm from 100 mm", heading)),
-    ]
-    alone = written(tmp_path, "d.dat", f"{engraved}\n" + named[0].read_text())
-    for path in (*named, alone):
-        assert focal_length(path) == expected
-        assert place in "; ".join(lens_warnings(read_lens(path)))
-    assert read_lens(alone).focal_length == float(engraved)
-
-
 def test_a_table_that_may_be_two_lenses_is_refused_with_both(tmp_path):
     path = table(tmp_path, "pair.dat", PAIR)
     both = [import_lens(path, Choices(thickness=place)).lens() for place in ("after", "before")]
