@@ -13,7 +13,6 @@ from raytracer.film import Image, load, load_layers, srgb
 from raytracer.film.exposure import CropWindow, luminance
 from raytracer.film.photograph import DevelopSettings, check_develop_settings, develop_photograph
 from raytracer.film.tone import Filmic, ToneCurveSpec
-from raytracer.film.white_balance import balance_gains
 from raytracer.optics.sensor_formats import SensorSpec
 from raytracer.optics.thin_lens import ExposureSettings, Metering
 from raytracer.rendering.render import render
@@ -169,21 +168,6 @@ def test_what_saturates_the_sensor_stays_white_when_it_is_balanced():
     assert np.unique(result.radiance).size == 1
     assert (result.radiance > 1.0).all()
     assert (result.display() == 255).all()
-
-
-@pytest.mark.parametrize("bayer", [None, "rggb"])
-@pytest.mark.parametrize("balance", [None, 3200.0])
-@pytest.mark.parametrize("compensation", [0.0, -1.0])
-def test_what_is_overexposed_at_the_base_iso_is_even(compensation, balance, bayer):
-    # All wells are full, whatever reading them adds: one value, which is half as large when made a stop darker.
-    if bayer is not None:
-        pytest.importorskip("cv2")
-    sensor = SensorSpec(noise=True, bayer=bayer)
-    exposure = camera()._replace(compensation=compensation)
-    result, _ = develop_photograph(light(100.0), process(exposure, sensor, balance), WHOLE, 0, {})
-    assert np.unique(result.radiance).size == 1
-    white = 1.0 if balance is None else balance_gains(balance, light().radiance).max()
-    np.testing.assert_allclose(result.radiance, 2.0**compensation * white, rtol=1e-12)
 
 
 def test_metering_chooses_no_speed_below_the_base_iso_of_a_sensor():

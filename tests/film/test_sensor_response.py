@@ -1,13 +1,11 @@
 """The sensor's noise against the statistics of photons, and where it saturates and rounds."""
 
-import sys
-
 import numpy as np
 import pytest
 from scipy import stats
 
 from raytracer.film.exposure import CropWindow
-from raytracer.film.sensor_response import make_response, poisson_quantile, require_demosaic, simulate_readout
+from raytracer.film.sensor_response import make_response, poisson_quantile, simulate_readout
 from raytracer.optics.sensor_formats import SensorSpec
 from raytracer.util.errors import InputError
 
@@ -54,16 +52,6 @@ def test_photons_are_counted_whole():
     expected = counts.size * stats.poisson.pmf(np.arange(12), 4.0)
     found = np.bincount(counts, minlength=12)[:12]
     assert stats.chisquare(found, expected * found.sum() / expected.sum()).pvalue > 1e-4
-
-
-@pytest.mark.parametrize("read_noise", [2.0, 20.0])
-def test_a_dark_frame_shows_the_read_noise_about_black(read_noise):
-    dark = recorded(0.0, sensor(full_well=20_000.0, read_noise=read_noise, bit_depth=16))
-    step = 1.0 / (65535 - 2048)
-    assert dark.std() * 20_000.0 == pytest.approx(np.sqrt(read_noise**2 + (20_000.0 * step) ** 2 / 12.0), rel=TOLERANCE)
-    assert abs(dark.mean()) < 5.0 * dark.std() / np.sqrt(dark.size)
-    # Numbers below black are kept, so that the mean of dark is dark.
-    assert dark.min() < 0.0
 
 
 def test_the_variance_that_it_tells_is_the_one_that_it_has():
@@ -181,9 +169,3 @@ def test_a_mosaic_needs_three_pixels_a_side():
     pytest.importorskip("cv2")
     with pytest.raises(InputError, match="at least 3 x 3 pixels, got 5 x 2"):
         simulate_readout(np.ones((2, 5, 3)), sensor(bayer="rggb"), 100.0, 1, CropWindow(5, 2, 0, 0))
-
-
-def test_a_missing_extra_is_told_with_the_command_that_brings_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(InputError, match=r"not installed: pip install 'raytracer\[bayer\]'"):
-        require_demosaic()

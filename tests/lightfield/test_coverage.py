@@ -180,26 +180,3 @@ def test_finer_than_any_view_behind_hexagons(hexagons, tmp_path):
         single = error(upsample_cubic(field.view(row, column), 4))
         assert error(found) < 0.5 * single
         assert error(found) < 0.6 * error(plain)
-
-
-def test_samples_in_a_file(hexagons, tmp_path):
-    field = hexagons.light_field()
-    hexagons.write(tmp_path / "a.lf")
-    lf.write(tmp_path / "b.lf", field)
-    for name in ("a.lf", "b.lf"):
-        with lf.open(tmp_path / name) as read:
-            assert read.samples is not None
-            assert np.array_equal(read.samples.place, field.samples.place)
-            assert np.array_equal(read.samples.value, field.samples.value, equal_nan=True)
-            assert np.array_equal(read.layers[LIT_LAYER], field.layers[LIT_LAYER])
-            assert np.array_equal(lit_views(read), lit_views(field))
-    assert not lit_views(field)[0, 0]
-    assert np.isnan(field.samples.value[0, 0]).all()
-    assert run("info", tmp_path / "a.lf", "--check") == 0
-    import h5py
-
-    with h5py.File(tmp_path / "b.lf", "r+") as file:
-        del file["microlenses/place"]
-        file["microlenses/place"] = np.zeros((3, 2))
-    with pytest.raises(InputError, match="microlenses must be of shapes"):
-        lf.open(tmp_path / "b.lf")

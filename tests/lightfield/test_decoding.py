@@ -32,6 +32,11 @@ def pictures(request):
     return camera, camera.picture(), camera.picture(_scene, SLOPE)
 
 
+@pytest.fixture(scope="module")
+def small():
+    return _camera(False, size=(280, 210)).picture()
+
+
 def _check_grid(grid, camera, *, pitch=0.02, offset=0.05):
     found, true = grid.lattice, camera.lattice
     assert found.hexagonal == true.hexagonal
@@ -61,7 +66,7 @@ def test_grid_of_a_spoilt_white_picture(pictures):
 
 
 @pytest.mark.parametrize("hexagonal", [False, True], ids=["square", "hexagonal"])
-@pytest.mark.parametrize(("pitch", "degrees"), [(5.03, 0.7), (7.4, 90.0), (21.3, -3.0), (40.4, 14.9)])
+@pytest.mark.parametrize(("pitch", "degrees"), [(5.03, 0.7), (7.4, 90.0), (40.4, 14.9)])
 def test_grids_of_all_sizes_and_rotations(hexagonal, pitch, degrees):
     camera = _camera(hexagonal, pitch, degrees, (720, 560) if pitch > 30.0 else (420, 360))
     grid = find_grid(spoiled(camera.picture(supersampling=1 if pitch > 20.0 else 2), 1, dust=4))
@@ -192,39 +197,28 @@ def test_bayer_mosaic_becomes_colours():
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ({"white": np.ones((420, 300))}, "white: has 300 x 420 pixels, and raw has 560 x 420"),
-        ({"white": np.ones((560, 420))}, "turned by 90 degrees"),
+        ({"white": np.ones((210, 150))}, "white: has 150 x 210 pixels, and raw has 280 x 210"),
+        ({"white": np.ones((280, 210))}, "turned by 90 degrees"),
         ({"dark": np.ones((10, 10))}, "dark: has 10 x 10 pixels"),
-        ({"white": np.ones((420, 560)) * [[0.5]]}, "one value everywhere"),
+        ({"white": np.full((210, 280), 0.5)}, "one value everywhere"),
         ({"views": 0}, "--views 0: must be from 1 to 14"),
         ({"views": 15}, "--views 15: must be from 1 to 14"),
         ({"bayer": "rgb"}, "--bayer rgb: must be one of rggb"),
         ({"white": "nowhere.png"}, "nowhere.png: no such file"),
     ],
 )
-def test_what_does_not_go_together(arguments, told):
-    raw = _camera(False).picture()
+def test_what_does_not_go_together(small, arguments, told):
     with pytest.raises(InputError, match=told):
-        decode(raw, **arguments)
+        decode(small, **arguments)
 
 
-@pytest.mark.parametrize(
-    ("most", "dtype", "is_told"),
-    [
-        (4095, np.uint16, True),
-        (65520, np.uint16, True),
-        (255, np.uint8, True),
-        (3000, np.uint16, False),
-        (1, float, False),
-    ],
-    ids=["12 bits", "12 bits of 16", "8 bits", "flat", "linear light"],
-)
-def test_a_white_picture_is_clipped_where_a_sensors_numbers_end(most, dtype, is_told):
+@pytest.mark.parametrize(("most", "dtype"), [(4095, np.uint16), (65520, np.uint16), (3000, np.uint16), (1, float)])
+def test_a_white_picture_is_clipped_where_a_sensors_numbers_end(small, most, dtype):
     # A flat top alone is what even light without noise makes, as in a rendered picture.
-    white = _camera(False).picture()
+    white = small
     cut = np.minimum(white / np.quantile(white, 0.7), 1.0)
     notes = decode(cut, (most * cut).astype(dtype)).notes
-    assert any("clipped" in note for note in notes) == is_told
+    assert any("clipped" in note for note in notes) == (most in (4095, 65520))
 
 
 @pytest.mark.parametrize("hexagonal", [False, True], ids=["square", "hexagonal"])

@@ -61,7 +61,7 @@ def sharpest(field, **settings):
 
 @pytest.fixture(scope="module")
 def field():
-    return rendered(7, 160, 144, 8)
+    return rendered(7, 160, 144, 4)
 
 
 def test_the_letters_stand_in_equal_steps(field):

@@ -81,16 +81,13 @@ def test_without_metres_it_tells_slopes(field, tmp_path):
     [
         (["-d", "2", "--alpha", "1", "-o", "a.png"], "give one of them"),
         (["-d", "2 kg", "-o", "a.png"], "--distance 2 kg"),
-        (["-d", "1:4", "-o", "a.gif"], "START:STOP:COUNT"),
         (["-d", "1:inf:4", "-o", "a.gif"], "1:inf:4:inverse"),
         (["-d", "0:4:4:inverse", "-o", "a.gif"], "greater than 0"),
         (["-d", "1:4:1", "-o", "a.gif"], "from 2 to 10000 planes"),
         (["-d", "2", "-o", "a.gif"], "needs several distances"),
         (["-d", "2", "-o", "a.lf"], "unknown suffix '.lf' for a photograph"),
-        (["-d", "2", "--center", "1", "-o", "a.png"], "two lengths"),
         (["-d", "2", "--crop", "0,0,30,10", "-o", "a.png"], "wall.lf: crop 0,0,30,10 must lie within a view"),
         (["-d", "2", "--f-number", "4", "-o", "a.png"], "wall.lf: an f-number needs the focal length"),
-        (["-d", "2", "--method", "fast", "-o", "a.png"], "wall.lf: method must be one of shift, fourier, rays"),
     ],
 )
 def test_what_is_wrong_is_said_in_a_sentence(file, tmp_path, monkeypatch, arguments, sentence):

@@ -113,7 +113,7 @@ def test_rays_of_one_focus_make_the_photograph_of_another(field, part):
     assert _relative(found, truth.radiance) < 1.42 * noise
 
 
-@pytest.mark.parametrize("distance", [0.6, 0.4, 1.4])
+@pytest.mark.parametrize("distance", [0.4, 1.4])
 def test_stopped_down_after_the_shot(field, distance):
     # 216 mm at f/3.6 is the lens of 60 mm; f/18 is 12 mm.
     wide, deep = photograph(distance).radiance, photograph(distance, 0.2 * APERTURE).radiance

@@ -265,14 +265,6 @@ def test_one_row(opened, field):
     assert number(page, "focus") == pytest.approx(MIDDLE, rel=0.01)
 
 
-def test_one_view(opened, field):
-    page = opened(part(field, slice(3, 4), slice(3, 4)))
-    np.testing.assert_allclose(seen(page), srgb.to_uint8(field.view(3, 3)), atol=1.0)
-    assert "one view" in page.locator("#notes").inner_text()
-    assert page.get_by_role("slider").count() == 1
-    page.mouse.click(*place(page, AT[NEAR]))
-
-
 def test_without_metres_it_tells_slopes(opened, field):
     """Places in steps of one view, slopes in pixels a view: what a folder of pictures has."""
     geometry = Views(

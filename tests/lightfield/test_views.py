@@ -20,6 +20,11 @@ def field():
     return light_field(GEOMETRY, SURFACES)
 
 
+@pytest.fixture(scope="module")
+def wall():
+    return light_field(GEOMETRY, SURFACES[:1])
+
+
 def away(picture, exact):
     return float(np.sqrt(((picture - exact) ** 2).sum() / (exact**2).sum()))
 
@@ -30,7 +35,7 @@ def test_a_view_where_one_is(field):
         assert np.array_equal(view_at(field, right, up), field.view(row, column))
 
 
-def test_a_view_between_others_with_and_without_depth(field):
+def test_a_view_between_others_with_and_without_depth(field, wall):
     """Against the view from there: blended at one distance things of others are doubled, by depth they are not."""
     place = 0.014, 0.017
     exact = seen(GEOMETRY, SURFACES, place)[0]
@@ -40,7 +45,6 @@ def test_a_view_between_others_with_and_without_depth(field):
     nearest = away(field.view(*GEOMETRY.nearest(*place)), exact)
     assert by_depth < 0.025
     assert by_depth < plain < nearest
-    wall = light_field(GEOMETRY, SURFACES[:1])
     assert away(view_at(wall, *place, distance=3.0), seen(GEOMETRY, SURFACES[:1], place)[0]) < 0.02
 
 
@@ -65,9 +69,8 @@ def test_the_montage_has_each_view_in_its_place(field):
 
 
 @pytest.mark.parametrize("direction", ["horizontal", "vertical"])
-def test_slices_stand_upright_at_their_distance(field, direction):
+def test_slices_stand_upright_at_their_distance(wall, direction):
     """What is 3 m away is the same in all lines of a slice sheared to 3 m, and lines are those of the views."""
-    wall = light_field(GEOMETRY, SURFACES[:1])
     plain = epipolar_slice(wall, direction=direction, line=20)
     line = wall.view(2, 1)[20] if direction == "horizontal" else wall.view(1, 2)[:, 20]
     assert np.array_equal(plain.radiance[1], line)

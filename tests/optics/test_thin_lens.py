@@ -54,20 +54,10 @@ class _Holder(BaseModel):
     sensor: SensorField
 
 
-@pytest.mark.parametrize(
-    ("given", "name"),
-    [
-        ("full_frame", "full_frame"),
-        ("Full Frame", "full_frame"),
-        ("full-frame", "full_frame"),
-        ("APS-C", "aps_c"),
-        ("1-inch", "1-inch"),
-        ("1 inch", "1-inch"),
-        (1, "1-inch"),
-        ("1/2.3", "1/2.3-inch"),
-        ("1/1.63-inch", "1/1.63-inch"),
-    ],
-)
+NAMES = {"Full Frame": "full_frame", "APS-C": "aps_c", "1 inch": "1-inch", 1: "1-inch", "1/2.3": "1/2.3-inch"}
+
+
+@pytest.mark.parametrize(("given", "name"), NAMES.items())
 def test_sensors_are_known_by_their_names(given, name):
     for value in (given, {"format": given}):
         assert _Holder.model_validate({"sensor": value}).sensor.size() == SensorSize(*SENSORS[name])

@@ -10,7 +10,6 @@ from pydantic import BaseModel
 from raytracer.optics.to_yaml import spec_to_plain, to_yaml
 from raytracer.scene.load import build, build_plain, load
 from raytracer.schema.yaml_parser import parse
-from raytracer.util.errors import InputError
 from tests.repository import SCENES, need_files_of
 
 SCENE = """\
@@ -130,13 +129,3 @@ def test_a_saved_scene_is_loaded_as_it_was_wherever_it_is_saved(tmp_path):
     for saved in (load(home / "copy.yaml"), load(other / "copy.yml", allow_files=[home])):
         assert saved == scene
         assert saved.camera == scene.camera
-
-
-def test_a_scene_is_saved_as_yaml_or_not_at_all(tmp_path):
-    scene = build(SCENE, "scene.yaml")
-    with pytest.raises(InputError, match=r"picture\.png: a scene file ends in \.yaml or \.yml"):
-        scene.save(tmp_path / "picture.png")
-    (tmp_path / "folder.yaml").mkdir()
-    with pytest.raises(InputError, match=r"folder\.yaml"):
-        scene.save(tmp_path / "folder.yaml")
-    assert [path.name for path in tmp_path.rglob("*")] == ["folder.yaml"]

@@ -27,7 +27,7 @@ TABLE = """\
 -39.73 0 1 20
 """
 
-COOKE = """\
+HEAD = """\
 VERS 130404 15 24485
 MODE SEQ
 NAME A simple triplet
@@ -37,51 +37,30 @@ FTYP 0 0 3 3 0 0 0
 XFLN 0 0 0 0
 YFLN 0 1.4E+1 2.0E+1 0
 WAVM 1 4.8E-1 1
-SURF 0
-  TYPE STANDARD
-  CURV 0.0 0 0 0 0 ""
-  DISZ INFINITY
-  DIAM 0 0 0 0 1 ""
-SURF 1
-  TYPE STANDARD
-  CURV 4.54264791E-002 0 0 0 0 ""
-  DISZ 3.25895583
-  GLAS SK16 0 0 0 0 0 0 0 0 0 0
-  DIAM 9.5 1 0 0 1 ""
-SURF 2
-  TYPE STANDARD
-  CURV -2.2948389E-003 0 0 0 0 ""
-  DISZ 6.0075511
-  DIAM 9.5 1 0 0 1 ""
-SURF 3
-  TYPE STANDARD
-  CURV -4.501812E-002 0 0 0 0 ""
-  DISZ 9.99974567E-1
-  GLAS F2 0 0 0 0 0 0 0 0 0 0
-  DIAM 5.0 1 0 0 1 ""
-SURF 4
-  STOP
-  TYPE STANDARD
-  CURV 4.92806889E-002 0 0 0 0 ""
-  DISZ 4.75040893
-  DIAM 5.0 1 0 0 1 ""
-SURF 5
-  TYPE STANDARD
-  CURV 1.25496334E-002 0 0 0 0 ""
-  DISZ 2.95207564
-  GLAS SK16 0 0 0 0 0 0 0 0 0 0
-  DIAM 7.5 1 0 0 1 ""
-SURF 6
-  TYPE STANDARD
-  CURV -5.4361615611E-002 0 0 0 0 ""
-  DISZ 4.22077801E+1
-  DIAM 7.5 1 0 0 1 ""
-SURF 7
-  TYPE STANDARD
-  CURV 0.0 0 0 0 0 ""
-  DISZ 0
-  DIAM 1.8E+1 0 0 0 1 ""
 """
+# Curvature, distance, glass, and diameter with the mark of who set it.
+SURFACES = (
+    ("0.0", "INFINITY", "", "0 0"),
+    ("4.54264791E-002", "3.25895583", "SK16", "9.5 1"),
+    ("-2.2948389E-003", "6.0075511", "", "9.5 1"),
+    ("-4.501812E-002", "9.99974567E-1", "F2", "5.0 1"),
+    ("4.92806889E-002", "4.75040893", "", "5.0 1"),
+    ("1.25496334E-002", "2.95207564", "SK16", "7.5 1"),
+    ("-5.4361615611E-002", "4.22077801E+1", "", "7.5 1"),
+    ("0.0", "0", "", "1.8E+1 0"),
+)
+
+
+def surface(number, curvature, distance, glass, diameter):
+    stop = "  STOP\n" if number == 4 else ""
+    glass = f"  GLAS {glass} 0 0 0 0 0 0 0 0 0 0\n" if glass else ""
+    return (
+        f'SURF {number}\n{stop}  TYPE STANDARD\n  CURV {curvature} 0 0 0 0 ""\n'
+        f'  DISZ {distance}\n{glass}  DIAM {diameter} 0 0 1 ""\n'
+    )
+
+
+COOKE = HEAD + "".join(surface(number, *row) for number, row in enumerate(SURFACES))
 
 
 def written(folder, name, text, encoding="utf-8"):
@@ -129,14 +108,11 @@ def test_a_radius_of_0_between_two_media_is_flat_glass(tmp_path):
     ("text", "expected"),
     [
         ("", ": holds no surfaces: a lens table has lines of radius, thickness"),
-        ("# only a comment\n", ": holds no surfaces"),
         ("1 2 3\n", ":1: must hold 4 numbers (radius, thickness, index of refraction, aperture), got 3"),
         ("50 1 1.5 x\n", ":1: the aperture must be a number, got 'x'"),
-        ("50 1 nan 5\n", ":1: the index of refraction must be a number, got 'nan'"),
         ("50 1 1.5 20\n\n-5 1 1 20\n", ":3: aperture: must be at most 10 mm"),
         ("50 -1 1.5 20\n-50 0 1 20\n", ":1: thickness: must be at least 0, got -1"),
         ("50 1 1 20\n0 1 1 5\n0 1 1 5\n-50 0 1 20\n", ":3: type: is a second stop"),
-        ("50 1 1.5 20\n", ":1: material: must be air"),
         ("50 1 9 20\n-50 0 1 20\n", ":1: material: must be at most 5, got 9"),
     ],
 )
@@ -216,13 +192,11 @@ def test_a_surface_in_air_that_does_nothing_is_left_out(tmp_path):
         ("  TYPE STANDARD\n  CURV -2.29", "  TYPE ZERNSAG\n  CURV -2.29", ":22: has a surface of the type 'ZERNSAG'"),
         ("GLAS F2", "GLAS MIRROR", ":30: has a mirror: only lenses, which light goes through, are read"),
         ("GLAS F2", "GLAS BAK6", "names the glass 'BAK6', which is not in the catalogue; the nearest name is 'N-BAK"),
-        ("GLAS F2", "GLAS QQQQQ", ":30: names the glass 'QQQQQ', which is not in the catalogue: give its index"),
         ("DIAM 5.0 1", "DIAM 0 1", ":26: has no diameter (DIAM)"),
         ("DISZ 6.0075511", "DISZ INFINITY", ":21: has no finite thickness (DISZ)"),
         ("DISZ 6.0075511", "DISZ -6", ":21: goes back by 6 mm to the next surface, which must be behind it"),
         ("DISZ 6.0075511", "DISZ", ":24: DISZ must have a number, got ''"),
         ("CURV -2.2948389E-003", "CURV curved", ":23: CURV must have a number, got 'curved'"),
-        ("CURV -2.2948389E-003", "CURV INFINITY", ":23: CURV must be finite"),
         ("CURV -2.2948389E-003", "CURV 1", ":21: aperture: must be at most 2 mm, as wide as its surface is, got 19"),
         ("  CURV 4.92", "  TYPE EVENASPH\n  PARM 1 0.01\n  CURV 4.92", "term in the square of the height (PARM 1)"),
         ("SURF 5\n", "SURF 5\n  STOP\n", ":38: stop: is a second stop; the first is surface 4"),

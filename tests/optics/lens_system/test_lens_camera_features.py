@@ -140,28 +140,3 @@ def test_crops_and_threads_take_the_same_samples():
     alone = render(spec, threads=1, seed=3).image
     np.testing.assert_array_equal(alone.radiance, whole.radiance)
     assert 0.05 < whole.radiance.mean() < 1.0
-
-
-@pytest.mark.slow
-def test_motion_is_that_of_the_thin_lens():
-    """Near the axis, where the double Gauss distorts by less than a per cent."""
-    moving = WALL.replace("MATERIAL}", "{type: lambertian}, motion: {velocity: [0.3, -0.2, 0]}}")
-    spec = scene(", shutter: 1", moving)
-    found = taken(spec, aovs=["motion"]).image.layers["motion"]
-    numbers = spec.camera.describe(24, 16)
-    pixel = 36.0 / 24.0
-    magnification = numbers["magnification"]
-    expected = np.array([0.3, 0.2]) * 1e3 * magnification / pixel
-    np.testing.assert_allclose(found[6:10, 10:14], np.broadcast_to(expected, (4, 4, 2)), rtol=0.01)
-
-
-@pytest.mark.slow
-def test_a_camera_in_fog_sees_through_it():
-    """What shines 4 m before the entrance pupil is dimmer by exp(-sigma s), with s from the front of the glass."""
-    plain_wall = WALL.replace("MATERIAL", "{type: emitter, radiance: 1}")
-    clear = taken(scene("", plain_wall, spp=64)).image.radiance
-    fog = "media: {fog: {type: homogeneous, absorption: 0.2}}\nmedium: fog\n"
-    dim = taken(scene("", plain_wall, fog, spp=64)).image.radiance
-    seen = (dim / clear)[7:9, 11:13].mean()
-    # The pupil is some 2 to 4 cm behind the front.
-    assert math.exp(-0.2 * 4.0) < seen < math.exp(-0.2 * (4.0 - 0.06))

@@ -97,20 +97,11 @@ def test_exposure_of_thin_glass_is_that_of_the_thin_lens(tmp_path, f_number):
     assert light["lens", ".inf"] / light["lens", "0.5"] == pytest.approx(1.2346, rel=0.003)
 
 
-@pytest.mark.parametrize("f_number", [2.0, 2.8, 4.0, 8.0, 22.0])
-def test_exposure_on_the_axis_is_that_of_the_f_number(f_number):
-    """E = pi L / (4 N^2) with focus at infinity: a lens corrected for coma obeys Abbe's sine condition."""
-    exposed = f"f_number: {f_number}, iso: 100, shutter: 1/100 s, focus_distance: .inf, dispersion: false"
-    camera = packed_camera(f"type: lens, lens: '{DOUBLE_GAUSS}', {exposed}", 36, 24)
-    weights = weighted_rays(camera, np.full(20000, 18.0), 12.0)[2]
-    assert weights.mean() == pytest.approx(math.pi / (4.0 * f_number**2), rel=0.01)
-
-
-@pytest.mark.parametrize(("f_number", "focus"), [(2.0, ".inf"), (2.0, "0.6"), (4.0, "3"), (16.0, ".inf")])
+@pytest.mark.parametrize(("f_number", "focus"), [(2.0, ".inf"), (4.0, "3"), (16.0, ".inf")])
 def test_relative_illumination_is_that_of_brute_force(f_number, focus):
     exposed = f"f_number: {f_number}, iso: 100, shutter: 1/100 s, focus_distance: {focus}, dispersion: false"
     camera = packed_camera(f"type: lens, lens: '{DOUBLE_GAUSS}', {exposed}", 3600, 2400)
-    places, count = np.linspace(0.0, 21.4, 24), 20000
+    places, count = np.linspace(0.0, 21.4, 10), 20000
     expected = by_brute_force(camera, places)
     # Along a diagonal of the film.
     pixels = places / camera.film.pixel

@@ -98,23 +98,18 @@ surfaces:
 
 MISTAKES = [
     ("radius: 40", "radius: 0", ":6: surfaces[0].radius: must be neither zero nor infinite, got 0: flat glass is"),
-    ("radius: 40", "radius: inf", ":6: surfaces[0].radius: must be neither zero nor infinite"),
     ("radius: 40, ", "", ":6: surfaces[0].radius: is missing"),
     ("radius: 40", "raduis: 40", ":6: surfaces[0].raduis: unknown key 'raduis' of conic; did you mean 'radius'?"),
     ("conic: -1.5, ", "", ":6: surfaces[0].conic: is missing"),
     ("conic: 2, coefficients: [1e-5, -2e-8]", "conic: 2", ":7: surfaces[1].coefficients: is missing"),
     ("[1e-5, -2e-8]", "[]", ":7: surfaces[1].coefficients: must hold at least 1 values"),
-    ("[1e-5, -2e-8]", "[a]", ":7: surfaces[1].coefficients[0]: must be a number"),
     ("thickness: 4", "thickness: -4", ":6: surfaces[0].thickness: must be at least 0, got -4"),
     ("thickness: 4, ", "", ":6: surfaces[0].thickness: is missing: only the last surface needs none"),
     ("N-BK7", "N-BK6", ":6: surfaces[0].material: unknown glass 'N-BK6'; did you mean 'N-BK7'?"),
     ("abbe: 36.4", "abbe: -3", ":9: surfaces[3].material.abbe: must be at least 5, got -3"),
     ("material: 1.5", "material: 0", ":10: surfaces[4].material: must be greater than 0, got 0"),
-    ("aperture: 20", "aperture: 0", ":6: surfaces[0].aperture: must be greater than 0"),
     ("radius: -70", "radius: -7", ":13: surfaces[5].aperture: must be at most 14 mm, as wide as its surface"),
-    ("axis: y", "axis: z", ":9: surfaces[3].axis: must be one of x, y, got 'z'"),
     ("axis: y, ", "", ":9: surfaces[3].axis: is missing"),
-    ("type: flat", "type: flaat", ":10: surfaces[4].type: unknown type of surface 'flaat'; did you mean 'flat'?"),
     ("type: flat, ", "", ":10: surfaces[4]: needs a type, one of spherical, flat, stop, conic, asphere, cylindrical"),
     ("{type: stop, thickness: 2, aperture: 10}", "7", ":8: surfaces[2]: must be a mapping with a type"),
     ("type: flat, thickness: 2, material: 1.5", "type: stop, thickness: 2", ":10: surfaces[4].type: is a second stop"),
@@ -129,8 +124,6 @@ MISTAKES = [
     ("moves: group, ", "moves: all, ", ":4: focus.first: goes with moves: group"),
     ("moves: group, first: 2, last: 3", "moves: grop", ":4: focus.moves: must be one of all, sensor, group"),
     ("name: test\n", "", ":1: name: is missing"),
-    ("focal_length: 5 cm", "focal_length: 0", ":3: focal_length: must not be zero"),
-    ("source: nobody", "sauce: nobody", ":2: sauce: unknown key 'sauce' of lens; did you mean 'source'?"),
 ]  # fmt: skip
 
 

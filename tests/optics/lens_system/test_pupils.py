@@ -9,7 +9,7 @@ import pytest
 from raytracer.core.compiler.dispatch import entry
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.focusing import focus_shift
-from raytracer.optics.lens_system.lens_setup import stop_radius_for, widest_f_number
+from raytracer.optics.lens_system.lens_setup import stop_radius_for
 from raytracer.optics.lens_system.pupils import build, search, transmission
 from raytracer.optics.lens_system.pupils.build import load_pupil_table
 from raytracer.optics.lens_system.pupils.search import on_axis_solid_angle
@@ -86,16 +86,6 @@ def check_bounds(name, f_number, distance, places):
 @pytest.mark.parametrize("name", QUICK)
 def test_bounds_hold_the_pupil(name):
     check_bounds(name, None, math.inf, 12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SHIPPED)
-def test_bounds_hold_the_pupil_of_all_lenses(name):
-    lens = read_lens(SHIPPED[name])
-    widest = widest_f_number(lens)
-    for f_number in (None, 1.7 * widest, 4.0 * widest):
-        for distance in (math.inf, 30.0 * (lens.focal_length or 50.0)):
-            check_bounds(name, f_number, distance, 40)
 
 
 def test_bounds_of_a_lens_with_cylinders_are_on_the_side_of_the_place():
