@@ -28,37 +28,18 @@ LINEAR = ToneCurveSpec()
 WALL = """
 camera: {{type: thin_lens, look_from: [0, 0, 0], look_at: [0, 0, -1], focal_length: 200 mm, focus_distance: inf,
          sensor: {{{sensor}}}, f_number: {f_number}, shutter: {shutter} s, {camera}}}
-film: {{width: {width}, height: {height}{film}}}
+film: {{width: {width}, height: {height}, {film}}}
 render: {{spp: 16, max_depth: 1}}
 environment: {{type: constant, radiance: {radiance}}}
 objects: [{{type: sphere, center: [0, 0, 9], radius: 0.001}}]
 """
 
 
-def wall(
-    camera="iso: 100",
-    *,
-    sensor="format: full_frame",
-    f_number=8.0,
-    shutter=1 / 125,
-    film="",
-    radiance="2",
-    width=WIDTH,
-    height=HEIGHT,
-):
-    return build(
-        WALL.format(
-            sensor=sensor,
-            f_number=f_number,
-            shutter=shutter,
-            camera=camera,
-            film=film and f", {film}",
-            radiance=radiance,
-            width=width,
-            height=height,
-        ),
-        "wall.yaml",
-    )
+PLAIN = {"sensor": "format: full_frame", "f_number": 8.0, "shutter": 1 / 125, "film": "", "radiance": "2"}
+
+
+def wall(camera="iso: 100", width=WIDTH, height=HEIGHT, **keys):
+    return build(WALL.format(camera=camera, width=width, height=height, **{**PLAIN, **keys}), "wall.yaml")
 
 
 def taken(scene, **settings):
@@ -118,17 +99,20 @@ def test_what_happens_after_the_light_is_gathered_compiles_nothing():
     assert numba.typeof(pack(noise).scene) == numba.typeof(pack(shown).scene) == kernel
 
 
-def test_radiance_may_be_balanced_and_shown_on_film_too():
-    text = """
-camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
-film: {width: 8, height: 8%s}
-render: {spp: 4, max_depth: 1}
-environment: {type: constant, radiance: [0.6, 0.5, 0.2]}
+PINHOLE = """\
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40%s}
+film: {width: 24, height: 16%s}
+render: {spp: 16, max_depth: 1}
+environment: {type: constant, radiance: %s}
 objects: [{type: sphere, center: [0, 0, 9], radius: 0.001}]
 """
-    plain = taken(build(text % "", "a.yaml")).image
-    shown = taken(build(text % ", tone_curve: filmic", "a.yaml")).image
-    balanced = taken(build(text % ", white_balance: [2, 1, 4]", "a.yaml"), aovs=["direct", "depth", "variance"]).image
+
+
+def test_radiance_may_be_balanced_and_shown_on_film_too():
+    plain, shown, balanced = (
+        taken(build(PINHOLE % ("", film, "[0.6, 0.5, 0.2]"), "a.yaml"), aovs=["direct", "depth", "variance"]).image
+        for film in ("", ", tone_curve: filmic", ", white_balance: [2, 1, 4]")
+    )
     np.testing.assert_array_equal(shown.radiance, plain.radiance)
     np.testing.assert_array_equal(shown.display(), srgb.to_uint8(Filmic(4.0)(plain.radiance)))
     np.testing.assert_array_equal(balanced.radiance, plain.radiance * [2.0, 1.0, 4.0])
@@ -191,18 +175,10 @@ def test_what_cannot_be_developed_is_refused_before_the_work():
         check_develop_settings(process(camera(), SensorSpec(noise=True, bayer="rggb")), CropWindow(2, 2, 0, 0), 2, 2)
 
 
-SCENE = """\
-camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40, exposure: auto}
-film: {width: 24, height: 16, tone_curve: {type: filmic, white: 2}}
-render: {spp: 16, max_depth: 1}
-environment: {type: constant, radiance: 20}
-objects: [{type: sphere, center: [0, 0, 9], radius: 0.001}]
-"""
-
-
 def test_the_command_line_says_what_was_metered(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    Path("a.yaml").write_text(SCENE)
+    film = ", tone_curve: {type: filmic, white: 2}"
+    Path("a.yaml").write_text(PINHOLE % (", exposure: auto", film, 20))
     assert main(["render", "a.yaml", "-o", "a.exr", "-o", "a.png", "--stats", "a.json"]) == 0
     err = capsys.readouterr().err
     assert "exposure: light times 0.00641, metered by center_weighted\n" in err

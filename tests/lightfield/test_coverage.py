@@ -18,13 +18,9 @@ from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.lightfield.super_resolution import all_in_focus, supersampled, upsample_cubic
 from raytracer.lightfield.views.synthesis import view_at
 from raytracer.util.errors import InputError
-from tests.lightfield.analytic import Surface, light_field, views, waves
+from tests.lightfield.analytic import Surface, away, light_field, views, waves
 from tests.lightfield.lenslet_pictures import Camera, lattice
 from tests.lightfield.test_looking_commands import run
-
-
-def away(picture, exact):
-    return float(np.sqrt(((picture - exact) ** 2).sum() / (exact**2).sum()))
 
 
 def darkened(whole, lit):

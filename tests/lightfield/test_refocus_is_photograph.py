@@ -11,6 +11,7 @@ from raytracer.film.light_field.focusing import refocusable
 from raytracer.film.light_field.layout import extract_light_field as of
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.rendering.render import render
+from tests.lightfield.analytic import away
 from tests.small_scenes import scene
 
 WIDTH, HEIGHT, VIEWS, APERTURE, FOCUS = 96, 72, 15, 0.06, 0.6
@@ -65,9 +66,7 @@ def _distance(field, part):
 
 
 def _relative(a, b):
-    """RMS of the difference, relative to that of the picture."""
-    difference, picture = a[INNER] - b[INNER], b[INNER]
-    return float(np.sqrt(np.mean(difference**2) / np.mean(picture**2)))
+    return away(a, b, 8)
 
 
 @pytest.mark.parametrize("part", INSIDE)

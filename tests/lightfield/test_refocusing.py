@@ -12,7 +12,7 @@ from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.lightfield.refocusing.shift_and_sum import INTERPOLATIONS, interpolation_taps, make_shift
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.util.errors import InputError
-from tests.lightfield.analytic import Surface, light_field, views, waves
+from tests.lightfield.analytic import Surface, away, light_field, views, waves
 
 WALL = waves(1, 0.1)
 
@@ -30,25 +30,20 @@ def floor():
     return light_field(views(7, 7, spacing=0.05, width=64, height=48), [Surface(1.6, WALL, tilt)], supersampling=2)
 
 
-def _off(a, b, border=8):
-    inner = (slice(border, -border), slice(border, -border))
-    return float(np.sqrt(np.mean((a[inner] - b[inner]) ** 2) / np.mean(b[inner] ** 2)))
-
-
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
 def test_a_wall_in_focus_is_what_the_middle_sees(wall, interpolation):
     # What a pinhole sees of it, however far the views are apart: that is what sharp means.
     found = refocus(wall, 1.6, interpolation=interpolation).radiance
-    assert _off(found, wall.view(3, 3)) < {"linear": 0.03, "cubic": 0.01, "lanczos": 0.005}[interpolation]
-    assert _off(refocus(wall, 2.0).radiance, wall.view(3, 3)) > 0.05
+    assert away(found, wall.view(3, 3), 8) < {"linear": 0.03, "cubic": 0.01, "lanczos": 0.005}[interpolation]
+    assert away(refocus(wall, 2.0).radiance, wall.view(3, 3), 8) > 0.05
 
 
 def test_a_tilted_plane_is_sharp_all_over(floor):
     found = refocus(floor, 1.6, tilt=40.0, swing=20.0).radiance
-    assert _off(found, floor.view(3, 3)) < 0.005
+    assert away(found, floor.view(3, 3), 8) < 0.005
     # Neither is it so for a plane that faces the views, nor for one that leans the other way.
-    assert _off(refocus(floor, 1.6).radiance, floor.view(3, 3)) > 0.03
-    assert _off(refocus(floor, 1.6, tilt=-40.0, swing=-20.0).radiance, floor.view(3, 3)) > 0.05
+    assert away(refocus(floor, 1.6).radiance, floor.view(3, 3), 8) > 0.03
+    assert away(refocus(floor, 1.6, tilt=-40.0, swing=-20.0).radiance, floor.view(3, 3), 8) > 0.05
 
 
 def test_alpha_is_the_film_s_distance_over_what_it_was():
@@ -163,7 +158,7 @@ def test_a_slice_is_the_sum(size):
     field = light_field(views(*size, spacing=0.03, width=48, height=48), [Surface(1.6, WALL)], supersampling=1)
     for distance in (0.8, 1.6, 5.0):
         summed = refocus(field, distance).radiance
-        assert _off(refocus(field, distance, method="fourier").radiance, summed, 12) < 0.01
+        assert away(refocus(field, distance, method="fourier").radiance, summed, 12) < 0.01
 
 
 @pytest.mark.parametrize(

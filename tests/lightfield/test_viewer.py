@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 import PIL.Image
 import pytest
-from typer.testing import CliRunner
 
-from raytracer.cli.base.app import application
 from raytracer.film import srgb
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField
@@ -22,6 +20,7 @@ from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.lightfield.viewer.page import write_page
 from tests.browser import WEBGL
 from tests.lightfield.analytic import Surface, light_field, views, waves
+from tests.lightfield.test_looking_commands import run
 
 CHROMIUM = WEBGL
 
@@ -102,12 +101,15 @@ def place(page, at):
     return box["x"] + at[0] * box["width"], box["y"] + at[1] * box["height"]
 
 
+def off(page, field, distance, **settings):
+    """How far each value is from what Python makes of it."""
+    return np.abs(seen(page) - srgb.to_uint8(refocus(field, distance, interpolation="linear", **settings).radiance))
+
+
 @pytest.mark.parametrize("distance", [NEAR, 2.0, FAR])
 def test_it_is_refocused_as_by_python(opened, field, distance):
     """All views count the same: within the rounding of two times 8 bits, and that of a graphics card's filter."""
-    page = opened(field, f"#focus={distance}")
-    wanted = srgb.to_uint8(refocus(field, distance, interpolation="linear").radiance)
-    error = np.abs(seen(page) - wanted)
+    error = off(opened(field, f"#focus={distance}"), field, distance)
     assert error.max() <= 2.0
     assert error.mean() < 0.5
 
@@ -115,8 +117,7 @@ def test_it_is_refocused_as_by_python(opened, field, distance):
 def test_a_smaller_aperture_is_python_s(opened, field):
     """A round one: views count by the part of their cell that it covers."""
     page = opened(field, f"#focus={MIDDLE}&aperture=0.5&shape=round")
-    wanted = srgb.to_uint8(refocus(field, MIDDLE, aperture=3.5 * SPACING, interpolation="linear").radiance)
-    error = np.abs(seen(page) - wanted)
+    error = off(page, field, MIDDLE, aperture=3.5 * SPACING)
     assert error.max() <= 3.0
     assert error.mean() < 0.5
     assert "42 mm" in page.locator("#aperture output").inner_text()
@@ -126,18 +127,16 @@ def test_behind_a_lens_views_count_by_what_it_lets_through(opened, field):
     """f/ numbers are told, and views beyond the lens are not looked from."""
     across = 7.0 * SPACING
     lens = dataclasses.replace(field.views, aperture=across, focal_length=168.0, cell=(SPACING, SPACING))
-    page = opened(dataclasses.replace(field, views=lens), f"#focus={MIDDLE}")
-    wanted = srgb.to_uint8(refocus(dataclasses.replace(field, views=lens), MIDDLE, interpolation="linear").radiance)
-    assert np.abs(seen(page) - wanted).max() <= 3.0
+    behind = dataclasses.replace(field, views=lens)
+    page = opened(behind, f"#focus={MIDDLE}")
+    assert off(page, behind, MIDDLE).max() <= 3.0
     assert page.locator("#aperture output").inner_text().startswith("f/2,")
     page.evaluate("choose({ eye: [1, 1] })")
     assert number(page, "aperture") == 1.0
-    right, up = page.evaluate("state.eye")
-    assert np.hypot(right, up) <= 0.5 * across * (1.0 + 1e-12)
+    assert np.hypot(*page.evaluate("state.eye")) <= 0.5 * across * (1.0 + 1e-12)
 
 
-@pytest.mark.parametrize("distance", [NEAR, MIDDLE, FAR])
-@pytest.mark.parametrize("eye", [(0, 0), (24, -24)])
+@pytest.mark.parametrize(("distance", "eye"), [(NEAR, (0, 0)), (MIDDLE, (24, -24)), (FAR, (24, -24))])
 def test_a_click_focuses_where_it_is(opened, field, distance, eye):
     """Seen from the middle or not: what is under the pointer becomes as sharp as it can be."""
     away = FAR if distance != FAR else NEAR
@@ -216,8 +215,7 @@ def test_the_address_says_what_is_seen(opened, field):
     page.wait_for_function("() => addressOf() === 'focus=2.5&aperture=0.3&from=0,0&ev=2&shape=round'")
 
 
-@pytest.mark.parametrize("size", [(360, 640), (1280, 800)])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("size", "scheme"), [((360, 640), "dark"), ((1280, 800), "light")])
 def test_it_fits(opened, field, size, scheme):
     page = opened(field, "", size=size, color_scheme=scheme, device_scale_factor=2)
     assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
@@ -242,20 +240,17 @@ def test_without_webgl_there_is_a_picture(open_page, field, tmp_path):
     assert not page.locator("#camera").is_visible()
 
 
-def part(field, rows, columns):
-    index = (rows, columns)
-    return LightField(
-        field.radiance[index],
-        dataclasses.replace(field.views, position=field.views.position[index]),
-        {name: layer[index] for name, layer in field.layers.items()},
-    )
+def test_names_are_text(opened, field):
+    page = opened(field, settings={"title": "<b>a</b> & </script>"})
+    assert page.locator("h1").inner_text() == "<b>a</b> & </script>"
+    assert page.locator("b").count() == 0
 
 
 def test_one_row(opened, field):
-    row = part(field, slice(3, 4), slice(None))
+    places = dataclasses.replace(field.views, position=field.views.position[3:4])
+    row = LightField(field.radiance[3:4], places, {"depth": field.layers["depth"][3:4]})
     page = opened(row, f"#focus={FAR}")
-    wanted = srgb.to_uint8(refocus(row, FAR, interpolation="linear").radiance)
-    assert np.abs(seen(page) - wanted).max() <= 2.0
+    assert off(page, row, FAR).max() <= 2.0
     assert "left and right" in page.locator("#help").inner_text()
     assert not page.locator("#shape").is_visible()
     page.evaluate("choose({ eye: [0.01, 0.01], opening: 0 })")
@@ -302,12 +297,10 @@ def test_what_fits_is_held_without_losses(field, tmp_path):
     np.testing.assert_array_equal(decoded(data_in(path)["views"][9]["picture"]), srgb.to_uint8(field.view(1, 2)))
 
 
-def test_on_the_command_line(field, tmp_path):
+def test_on_the_command_line(field, tmp_path, capsys):
     lf.write(tmp_path / "cards.lf", field)
-    run = CliRunner().invoke
-    done = run(application(), ["lightfield", "view", str(tmp_path / "cards.lf"), "-o", str(tmp_path / "cards.html")])
-    assert done.exit_code == 0
-    assert "wrote" in done.stderr
+    assert run("view", tmp_path / "cards.lf", "-o", tmp_path / "cards.html") == 0
+    assert "wrote" in capsys.readouterr().err
     assert (tmp_path / "cards.html").read_bytes().startswith(b"<!doctype html>")
 
 
@@ -320,9 +313,6 @@ def test_on_the_command_line(field, tmp_path):
         (["--exposure", "bright"], "--exposure bright: must be a number of stops"),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path, arguments, said):
-    from raytracer.util.errors import InputError
-
-    done = CliRunner().invoke(application(), ["lightfield", "view", str(tmp_path / "cards.lf"), *arguments])
-    assert isinstance(done.exception, InputError)
-    assert said in str(done.exception)
+def test_what_is_wrong_is_said(capsys, arguments, said):
+    assert run("view", "cards.lf", *arguments) == 2
+    assert said in capsys.readouterr().err

@@ -9,7 +9,7 @@ from raytracer.lightfield.views.camera_paths import PATHS, path_places
 from raytracer.lightfield.views.contact_sheet import montage
 from raytracer.lightfield.views.synthesis import view_at
 from raytracer.util.errors import InputError
-from tests.lightfield.analytic import Surface, light_field, seen, views, waves
+from tests.lightfield.analytic import Surface, away, light_field, seen, views, waves
 
 SURFACES = [Surface(3.0, waves(0, 0.1)), Surface(1.7, waves(2, 0.06), bounds=(-0.2, -0.2, 0.15, 0.2))]
 GEOMETRY = views(5, 5, spacing=0.03, width=72, height=60)
@@ -23,10 +23,6 @@ def field():
 @pytest.fixture(scope="module")
 def wall():
     return light_field(GEOMETRY, SURFACES[:1])
-
-
-def away(picture, exact):
-    return float(np.sqrt(((picture - exact) ** 2).sum() / (exact**2).sum()))
 
 
 def test_a_view_where_one_is(field):

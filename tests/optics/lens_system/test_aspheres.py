@@ -8,7 +8,7 @@ import pytest
 from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.lens import Element, Lens
 from raytracer.optics.lens_system.ray_tracing import trace_rays
-from tests.optics.lens_system.rays import unit
+from tests.optics.lens_system.rays import crossing, parallel, unit
 
 GLASS = constant_index_glass(1.5)
 
@@ -17,24 +17,13 @@ def alone(element):
     return Lens("a surface", (element,)).packed()
 
 
-def crossing(points, directions):
-    """Find where rays in the plane x = 0 meet the axis (n,)."""
-    return np.asarray(points[:, 2] - points[:, 1] * directions[:, 2] / directions[:, 1])
-
-
-def parallel(heights, axis=1):
-    starts = np.zeros((len(heights), 3))
-    starts[:, axis], starts[:, 2] = heights, -20.0
-    return starts
-
-
 HEIGHTS = np.linspace(0.1, 19.9, 100)
 
 
 def test_an_ellipsoid_of_glass_has_one_focus_within():
     # Descartes 1637, "La Dioptrique", discourse 8: k = -1 / n^2, focus n R / (n - 1) behind the vertex.
     packed = alone(Element(0.02, 0.0, GLASS, 20.0, "conic", conic=-1.0 / 1.5**2))
-    weights, points, directions = trace_rays(packed, parallel(HEIGHTS), (0.0, 0.0, 1.0))
+    weights, points, directions = trace_rays(packed, *parallel(HEIGHTS, 20.0, axis=1))
     assert weights.all()
     np.testing.assert_allclose(crossing(points, directions), 1.5 * 50.0 / 0.5, rtol=0.0, atol=1e-11)
 
@@ -44,7 +33,7 @@ def test_a_hyperboloid_of_glass_has_one_focus_behind():
     packed = Lens(
         "plano-hyperbolic", (Element(0.0, 9.0, GLASS, 20.0), Element(-0.02, 0.0, AIR, 20.0, "conic", conic=-(1.5**2)))
     ).packed()
-    weights, points, directions = trace_rays(packed, parallel(HEIGHTS), (0.0, 0.0, 1.0))
+    weights, points, directions = trace_rays(packed, *parallel(HEIGHTS, 20.0, axis=1))
     assert weights.all()
     np.testing.assert_allclose(crossing(points, directions), 109.0, rtol=0.0, atol=1e-11)
     # And light from there comes out parallel.

@@ -8,18 +8,9 @@ import pytest
 from raytracer.optics.lens_system.first_order import cardinal_points, ray_transfer_matrix
 from raytracer.optics.lens_system.focusing import image_distance
 from tests.optics.lens_system.kernels import DOUBLE_GAUSS, DOUBLET, Surface, lens_of, met, pack_surfaces, traced
+from tests.optics.lens_system.rays import crossing, unit
 
 AXIS = (0.0, 0.0, 1.0)
-
-
-def unit(rows):
-    given = np.atleast_2d(np.asarray(rows, np.float64))
-    return given / np.linalg.norm(given, axis=1, keepdims=True)
-
-
-def crossing(points, directions):
-    """Find where rays in the plane x = 0 meet the axis (n,)."""
-    return points[:, 2] - points[:, 1] * directions[:, 2] / directions[:, 1]
 
 
 def test_the_doublet_is_that_of_the_book():
