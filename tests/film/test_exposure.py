@@ -15,7 +15,6 @@ from raytracer.film.exposure import (
     saturation_gain,
 )
 from raytracer.optics.thin_lens import ExposureSettings, Metering
-from raytracer.util.errors import InputError
 
 MEAN = Metering("mean", 0.5, 0.5, 0.1)
 CENTER = Metering("center_weighted", 0.5, 0.5, 0.1)
@@ -110,11 +109,6 @@ def test_a_crop_is_metered_where_it_lies_in_the_frame():
     assert inside.any()
     assert not inside.all()
     np.testing.assert_array_equal(part == part.max(), inside)
-
-
-def test_a_spot_outside_of_the_crop_is_refused():
-    with pytest.raises(InputError, match="metering spot lies outside of the crop"):
-        metering_weights(Metering("spot", 0.1, 0.1, 0.1), CropWindow(60, 40, 30, 20), 20, 30)
 
 
 def test_black_has_no_exposure_of_its_own():

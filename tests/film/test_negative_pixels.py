@@ -8,7 +8,6 @@ import pytest
 
 from raytracer.cli.base.app import main
 from raytracer.film.negative_pixels import FILTER, READ_NOISE, SPECTRAL, find_negative_pixels
-from raytracer.film.white_balance import balance_gains
 from raytracer.plugins.filters.mitchell import Mitchell
 from raytracer.rendering.develop import negative_causes
 from raytracer.scene.load import load
@@ -95,10 +94,3 @@ def test_what_nothing_explains_is_a_fault(folder, capsys, monkeypatch):
     assert main([*words, "--strict"]) == 1
     # The picture is there all the same, to be looked at.
     assert Path("a.npy").exists()
-
-
-def test_a_picture_of_a_mean_below_zero_is_balanced_without_turning_it_over():
-    # Cyan of a spectrum: the luminance of the mean is below zero.
-    balance = balance_gains("auto", np.full((2, 2, 3), (-2.0, 0.1, 0.2)))
-    assert (balance > 0.0).all()
-    assert balance[0] == 1.0

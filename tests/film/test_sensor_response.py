@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from raytracer.film.exposure import CropWindow
-from raytracer.film.sensor_response import make_response, poisson_quantile, simulate_readout
+from raytracer.film.sensor_response import poisson_quantile, simulate_readout
 from raytracer.optics.sensor_formats import SensorSpec
 from raytracer.util.errors import InputError
 
@@ -107,12 +107,6 @@ def test_numbers_are_whole_and_as_many_as_the_bits_allow(bits):
     np.testing.assert_allclose(found * levels, np.rint(found * levels), atol=1e-9)
     assert np.unique(found).size == min(2**bits, SIZE)
     assert np.abs(found - ramp).max() <= 0.5 / levels + 1e-3
-
-
-def test_a_response_is_in_electrons_and_numbers():
-    of = make_response(sensor(full_well=60_000.0, base_iso=200.0, bit_depth=12, black_level=256), 800.0)
-    assert (of.saturation, of.full_well, of.white, of.black) == (15_000.0, 60_000.0, 4095, 256)
-    assert of.scale == pytest.approx(3839.0 / 15_000.0)
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_does_not():

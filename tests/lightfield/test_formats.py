@@ -234,14 +234,6 @@ def test_plain_names(tmp_path, names, options):
     assert found.views.position[0, 0].tolist() == [-1.0, 0.5]
 
 
-def test_whole_numbers_of_arrays_are_what_displays_show(tmp_path):
-    np.save(tmp_path / "a.npy", np.full((1, 2, 2, 2, 3), 188, dtype=np.uint8))
-    # IEC 61966-2-1: 188 of 255 is 0.5029.
-    assert import_views(tmp_path / "a.npy").radiance[0, 0] == pytest.approx(0.5029, abs=1e-4)
-    np.save(tmp_path / "b.npy", np.full((1, 2, 2, 2), 0.25, dtype=np.float16))
-    assert import_views(tmp_path / "b.npy").radiance[0, 1].tolist() == np.full((2, 2, 3), 0.25).tolist()
-
-
 def text(name, words):
     return lambda folder: (folder / name).write_text(words)
 
@@ -365,10 +357,3 @@ def test_what_names_cannot_tell_is_not_exported(tmp_path):
         export_views(field, tmp_path, suffix=".lf")
     with pytest.raises(InputError, match="naming must be one of grid, stanford, hci, got 'lytro'"):
         export_views(field, tmp_path, naming="lytro")
-
-
-def test_what_is_too_bright_is_counted(tmp_path):
-    field = light_field(rows=1, columns=1)
-    bright = LightField(1.5 * field.radiance, field.views)
-    assert export_views(bright, tmp_path / "a").clipped == field.radiance.mean()
-    assert export_views(bright, tmp_path / "b", suffix=".exr").clipped == 0.0

@@ -38,11 +38,6 @@ def test_one_view_is_told_of(tmp_path, capsys):
     assert "one.lf: a path needs at least two views" in capsys.readouterr().err
 
 
-def test_no_command_is_told_in_one_line(capsys):
-    assert run() == 2
-    assert capsys.readouterr().err == "rt: Missing command (see 'rt lightfield --help')\n"
-
-
 def test_views(file, tmp_path, capsys):
     assert run("views", file, "-o", tmp_path / "m.png", "-q") == 0
     with PIL.Image.open(tmp_path / "m.png") as montage:

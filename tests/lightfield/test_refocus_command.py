@@ -61,14 +61,6 @@ def test_a_stack_is_an_animation_or_a_picture_each(field, file, tmp_path):
         np.testing.assert_allclose(found, refocus(field, distance).radiance, rtol=1e-10)
 
 
-def test_equal_steps_of_distance_and_slopes(file, tmp_path):
-    told = json.loads(_run(file, "-d", "1:2:3,5", "-o", tmp_path / "a.webp", "--json"))
-    assert told["distances_m"] == [1.0, 1.5, 2.0, 5.0]
-    told = json.loads(_run(file, "--slope", "0:1:2", "--method", "fourier", "-o", tmp_path / "b.webp", "--json"))
-    pixel = 2.0 * np.tan(np.radians(15.0)) / 18
-    assert told["distances_m"] == pytest.approx([2.0, 1.0 / (0.5 + pixel / 0.01)])
-
-
 def test_without_metres_it_tells_slopes(field, tmp_path):
     lf.write(tmp_path / "a.lf", LightField(field.radiance, field.views, settings={"units": "views"}))
     told = json.loads(_run(tmp_path / "a.lf", "--slope", "-0.5:1:3", "-o", tmp_path / "b.gif", "--json"))

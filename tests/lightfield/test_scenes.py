@@ -2,7 +2,6 @@
 
 import runpy
 
-import numpy as np
 import pytest
 
 from raytracer.scene.load import load
@@ -25,15 +24,3 @@ def test_the_letters_are_those_that_their_program_writes():
     written = runpy.run_path(str(ROOT / "scenes" / "generate" / "letters.py"))
     for name, strips in written["LETTERS"].items():
         assert (SCENES / "lightfield" / "letters" / f"{name}.ply").read_bytes() == written["ply"](strips), name
-
-
-def test_the_dragon_is_one_skin_with_whole_triangles():
-    """Each edge of its body has two triangles, but for the rings at the tip of the tail and at the nose."""
-    written = runpy.run_path(str(ROOT / "scenes" / "generate" / "dragon.py"))
-    vertices, triangles = written["skin"]()
-    assert np.isfinite(vertices).all()
-    assert vertices[:, 1].min() >= 0.0
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    _, count = np.unique(edges.min(axis=1) * len(vertices) + edges.max(axis=1), return_counts=True)
-    assert set(count) == {1, 2}
-    assert (count == 1).sum() == 2 * written["AROUND"]

@@ -5,7 +5,6 @@ import pytest
 
 from raytracer.lightfield.depth.depth_map import Depth
 from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
-from raytracer.lightfield.views.camera_paths import PATHS, path_places
 from raytracer.lightfield.views.contact_sheet import montage
 from raytracer.lightfield.views.synthesis import view_at
 from raytracer.util.errors import InputError
@@ -74,12 +73,3 @@ def test_slices_stand_upright_at_their_distance(wall, direction):
     spread = [np.ptp(found.radiance[:, 8:-8], axis=0).mean() for found in (upright, plain)]
     assert spread[0] < 0.1 * spread[1]
     assert draw_slice(plain).ndim == 3
-
-
-@pytest.mark.parametrize("path", PATHS)
-def test_paths_stay_within_the_views(path):
-    places = path_places(GEOMETRY, path, frames=16)
-    assert np.abs(places).max() == pytest.approx(0.06)
-    assert np.hypot(*(places[0] - places[-1])) < 0.06
-    with pytest.raises(InputError, match="does not fit"):
-        path_places(GEOMETRY, path, radius=0.061)

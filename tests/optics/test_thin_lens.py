@@ -65,33 +65,13 @@ def test_sensors_are_known_by_their_names(given, name):
 
 @pytest.mark.parametrize(
     ("fit", "expected"),
-    [
-        ("crop", (16.0, 9.0)),
-        ("horizontal", (16.0, 9.0)),
-        ("vertical", (64.0 / 3, 12.0)),
-        ("overscan", (64.0 / 3, 12.0)),
-    ],
+    [("crop", (16, 9)), ("horizontal", (16, 9)), ("vertical", (64 / 3, 12)), ("overscan", (64 / 3, 12))],
 )
 def test_wide_pictures_on_a_sensor_of_four_thirds(fit, expected):
     assert fit_sensor(SensorSize(16.0, 12.0), 1920, 1080, fit) == pytest.approx(expected)
     # Upright, it is the other way round: what was cut above and below is cut at the sides.
     turned = {"horizontal": "vertical", "vertical": "horizontal"}.get(fit, fit)
     assert fit_sensor(SensorSize(12.0, 16.0), 1080, 1920, turned) == pytest.approx(expected[::-1])
-
-
-@given(st.floats(1.0, 99.0), st.floats(1.0, 99.0), st.integers(1, 999), st.integers(1, 999))
-def test_a_cropped_picture_lies_on_the_sensor_and_an_overscanned_one_around_it(across, down, width, height):
-    sensor = SensorSize(across, down)
-    inside, around = fit_sensor(sensor, width, height, "crop"), fit_sensor(sensor, width, height, "overscan")
-    for part in (inside, around):
-        assert part.width / part.height == pytest.approx(width / height)
-    rounding = 1.0 + 1e-14
-    assert inside.width <= across * rounding
-    assert inside.height <= down * rounding
-    assert around.width * rounding >= across
-    assert around.height * rounding >= down
-    # One of the edges is the sensor's own.
-    assert inside.width == pytest.approx(across) or inside.height == pytest.approx(down)
 
 
 @given(focal_lengths, distances)
@@ -173,14 +153,9 @@ def test_exposure_values():
     assert ph.exposure_value(1.0, 1.0) == 0.0
     assert ph.exposure_value(16.0, 1.0 / 128.0) == 15.0
     assert ph.exposure_value(16.0, 1.0 / 128.0, 400.0) == 13.0
-    # The exact row is one exposure value; the engraved one within an eighth of a stop, and by 8.8 % in t / N^2.
+    # A row of whole stops is one exposure value.
     exact = {round(ph.exposure_value(math.sqrt(2.0) ** k, 2.0 ** (k - 10)), 12) for k in range(1, 11)}
     assert exact == {10.0}
-    f_numbers = (1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32)
-    times = (1 / 500, 1 / 250, 1 / 125, 1 / 60, 1 / 30, 1 / 15, 1 / 8, 1 / 4, 1 / 2, 1)
-    engraved = [ph.exposure_value(n, t) for n, t in zip(f_numbers, times, strict=True)]
-    assert max(abs(value - 10.0) for value in engraved) < 0.125
-    assert 2.0 ** (max(engraved) - min(engraved)) == pytest.approx(1.088, abs=1e-3)
 
 
 def test_a_camera_in_full():

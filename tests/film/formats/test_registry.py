@@ -124,14 +124,6 @@ def test_the_lists_of_suffixes():
     assert " ".join(registry.animation_suffixes(with_images=False)) == ".gif .webp"
 
 
-def test_what_is_declared_agrees():
-    for suffix, each in registry.image_formats().items():
-        assert suffix in each.suffixes
-        assert not (each.is_linear and each.decode_display), f"{suffix} is linear, and holds what a display shows"
-        assert each.is_linear or not each.decode or each.decode_display, f"{suffix} is for a display, and not read so"
-        assert not each.decode_layers or each.has_layers, f"{suffix} has no layers to decode"
-
-
 def test_every_list_takes_in_new_files(tmp_path):
     folder = tmp_path / "formats"
     folder.mkdir()

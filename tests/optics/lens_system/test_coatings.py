@@ -84,18 +84,3 @@ def test_bare_lenses_have_no_coatings():
     assert pack_coatings([None, None], [1.0, 1.5, 1.0]) is None
     packed = pack_coatings([None, MGF2], [1.0, 1.5, 1.0])
     np.testing.assert_array_equal(packed.wavelength, [0.0, 550.0])
-
-
-@pytest.mark.parametrize(
-    ("coating", "ior", "words"),
-    [
-        (Coating(0.0), [1.0, 1.5], "surface 1 has a coating for the wavelength 0 nm"),
-        (Coating(math.nan), [1.0, 1.5], "for the wavelength nan nm"),
-        (Coating(550.0, 0.5), [1.0, 1.5], "of the index 0.5"),
-        (MGF2, [1.0, 1.0], "no glass: the index is 1 on both sides"),
-        (MGF2, [1.6, 1.5], "between two glasses"),
-    ],
-)
-def test_what_cannot_be_coated_is_named(coating, ior, words):
-    with pytest.raises(ValueError, match=words):
-        pack_coatings([coating], ior)

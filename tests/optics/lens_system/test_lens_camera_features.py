@@ -1,12 +1,10 @@
 """The lens camera with other features: crops, noise limits, layers, shutters, media, sweeps, bundles, files."""
 
-import math
 import shutil
 
 import numpy as np
 import pytest
 
-from raytracer.analysis.explain import explain
 from raytracer.rendering.render import render
 from raytracer.scene.bundle import bundle, unbundle
 from raytracer.scene.digest import digest
@@ -56,15 +54,6 @@ def folder(tmp_path):
     return home
 
 
-def test_what_is_in_the_lens_counts(folder):
-    before = digest(load(folder / "scene.yaml"))
-    (folder / "other.yaml").write_text((folder / "glass.yaml").read_text())
-    same = load(folder / "scene.yaml", {"camera.lens": "other.yaml"})
-    assert digest(same) == before
-    (folder / "glass.yaml").write_text((folder / "glass.yaml").read_text().replace("29.475", "29.476"))
-    assert digest(load(folder / "scene.yaml")) != before
-
-
 def test_a_bundle_takes_the_lens_along(folder, tmp_path):
     spec = load(folder / "scene.yaml")
     expected, rays = digest(spec), pack(spec).scene.camera
@@ -97,31 +86,6 @@ def test_what_no_lens_can_do_is_told_by_its_key(old, new, words):
         pack(build(broken, "test.yaml"))
     assert "test.yaml:1:" in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_effects_and_numbers():
-    found = explain(scene(", shutter: 1/100 s, iso: 100"))
-    for name in ("real_lens", "defocus", "vignetting", "projection", "exposure"):
-        assert found.effects[name].active, name
-    assert not found.effects["flare"].active
-    assert "11 surfaces" in found.effects["real_lens"].why
-    assert found.camera["f_number"] == pytest.approx(4.0)
-    assert found.camera["focus_distance_m"] == 4.0
-    assert found.camera["focal_length_mm"] == pytest.approx(50.0, rel=0.01)
-    assert "Camera: lens" in str(found)
-    sensor = math.hypot(36.0, 24.0)
-    assert found.camera["dfov_deg"] == pytest.approx(2.0 * math.degrees(math.atan(0.5 * sensor / 50.7)), rel=0.02)
-
-
-def test_a_sharp_point_is_in_focus_and_another_is_not():
-    ball = "  - {type: sphere, name: NAME, center: [0, 0, Z], radius: 0.1}\n"
-    objects = ball.replace("NAME", "sharp").replace("Z", "-4") + ball.replace("NAME", "soft").replace("Z", "-2")
-    found = explain(scene("", objects, "environment: {type: constant, radiance: 1}\n")).objects
-    assert found["sharp"]["distance_m"] == pytest.approx(4.0, abs=1e-6)
-    assert found["sharp"]["circle_of_confusion_mm"] < 0.02
-    # c = A f (F - s) / (s (F - f)), at the thin lens.
-    expected = 50.0 / 4.0 * (4000.0 - 2000.0) / 2000.0 * 50.0 / (4000.0 - 50.0)
-    assert found["soft"]["circle_of_confusion_mm"] == pytest.approx(expected, rel=0.05)
 
 
 @pytest.mark.parametrize("how", ["focus_on: ball", "focus_at: [0.5, 0.5]"])

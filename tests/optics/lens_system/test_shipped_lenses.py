@@ -33,13 +33,6 @@ def rays_from_film(lens, film, place, count):
 
 
 @every_lens
-def test_the_f_number_of_the_file_is_that_which_light_finds(path):
-    lens = read_lens(path)
-    assert lens.source
-    assert widest_f_number(lens) == pytest.approx(lens.f_number, rel=0.015)
-
-
-@every_lens
 def test_light_reaches_the_whole_picture(path):
     lens = read_lens(path)
     film, edge = film_position(lens), 0.5 * lens.image_circle

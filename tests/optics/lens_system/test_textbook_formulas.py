@@ -64,16 +64,6 @@ def test_snells_law_in_vector_form(kind, towards_film):
     assert (np.sign((onward * normals).sum(axis=1)) == side).all()
 
 
-@every_lens
-def test_focal_lengths_are_those_published(path):
-    lens = read_lens(path)
-    assert lens.source, "no source is named"
-    assert lens.focal_length is not None, "no focal length is published with it"
-    # What is anamorphic has its published length in the direction that it does not squeeze.
-    found = min(lens_lengths(lens), key=lambda length: abs(length - float(lens.focal_length or 0.0)))
-    assert found == pytest.approx(lens.focal_length, rel=0.005)
-
-
 def lens_lengths(lens):
     """Paraxial focal lengths (mm) in x and in y, by products of matrices written anew."""
     glasses = [1.0, *(float(element.glass.ior(LINE_D)) for element in lens.elements)]
