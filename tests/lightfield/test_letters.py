@@ -51,10 +51,10 @@ def energy(picture):
     return float((down**2 + across**2).mean())
 
 
-def sharpest(field, **settings):
+def sharpest(field):
     """1/distance at which each letter has the most gradient energy, of planes a quarter of a step apart."""
     planes = np.arange(1.0 + STEP, 0.4 - STEP, -0.25 * STEP)
-    stack = [refocus(field, 1.0 / plane, **settings).radiance for plane in planes]
+    stack = [refocus(field, 1.0 / plane).radiance for plane in planes]
     parts = [part for _, part in letters(field)]
     return np.array([planes[np.argmax([energy(picture[part]) for picture in stack])] for part in parts])
 

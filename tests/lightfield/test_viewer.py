@@ -5,8 +5,6 @@ import dataclasses
 import io
 import json
 import re
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import PIL.Image
@@ -24,7 +22,6 @@ from tests.lightfield.test_looking_commands import run
 
 CHROMIUM = WEBGL
 
-Open = Callable[..., Any]
 
 WIDTH, HEIGHT, SPACING = 96, 72, 0.012
 NEAR, MIDDLE, FAR = 1.6, 2.5, 5.0

@@ -5,13 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.core.fresnel import fresnel_dielectric
 from raytracer.optics.lens_system.coatings import Coating, pack_coatings, reflectance
 from tests.vectorised import rows, vectorised
-
-Array = NDArray[np.float64]
 
 MGF2 = Coating()
 

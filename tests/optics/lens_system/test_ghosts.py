@@ -5,7 +5,6 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import entry
 from raytracer.core.sampling import Independent, pixel_key, sample_1d
@@ -33,8 +32,6 @@ from tests.optics.lens_system.kernels import DOUBLE_GAUSS, Surface, pack_surface
 from tests.repository import SCENES
 from tests.small_scenes import scene
 from tests.vectorised import rows, vectorised
-
-Array = NDArray[np.float64]
 
 ABBE = {1.67: 47.1, 1.699: 30.1, 1.603: 38.0, 1.658: 57.3, 1.717: 48.0}
 

@@ -21,9 +21,10 @@ CAMERA = (
 )
 """At the origin, looking along -z, so that depths are distances along -z."""
 
-SHINING = "{type: emitter, radiance: {type: checker, scale: 0.3, even: [0.1, 0.4, 0.7], odd: 1}}"
-WALL = "  - {type: quad, corner: [-9, -9, -4], edges: [[18, 0, 0], [0, 18, 0]], material: MATERIAL}\n"
-SHINING_WALL = WALL.replace("MATERIAL", SHINING)
+SHINING_WALL = """\
+  - {type: quad, corner: [-9, -9, -4], edges: [[18, 0, 0], [0, 18, 0]],
+     material: {type: emitter, radiance: {type: checker, scale: 0.3, even: [0.1, 0.4, 0.7], odd: 1}}}
+"""
 
 
 def text(camera="", objects=SHINING_WALL, rest="", **render):
@@ -44,17 +45,11 @@ def taken(spec, **settings):
     return result
 
 
-@pytest.fixture
-def folder(tmp_path):
-    """A scene with its lens beside it."""
-    home = tmp_path / "home"
-    home.mkdir()
-    shutil.copy(LENS, home / "glass.yaml")
-    (home / "scene.yaml").write_text(text().replace(f"'{LENS}'", "glass.yaml"), encoding="utf-8")
-    return home
-
-
-def test_a_bundle_takes_the_lens_along(folder, tmp_path):
+def test_a_bundle_takes_the_lens_along(tmp_path):
+    folder = tmp_path / "home"
+    folder.mkdir()
+    shutil.copy(LENS, folder / "glass.yaml")
+    (folder / "scene.yaml").write_text(text().replace(f"'{LENS}'", "glass.yaml"), encoding="utf-8")
     spec = load(folder / "scene.yaml")
     expected, rays = digest(spec), pack(spec).scene.camera
     packed = bundle(spec)
