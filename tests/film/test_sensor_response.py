@@ -7,7 +7,6 @@ from scipy import stats
 from raytracer.film.exposure import CropWindow
 from raytracer.film.sensor_response import poisson_quantile, simulate_readout
 from raytracer.optics.sensor_formats import SensorSpec
-from raytracer.util.errors import InputError
 
 SIZE = 256
 WHOLE = CropWindow(SIZE, SIZE, 0, 0)
@@ -157,9 +156,3 @@ def test_a_crop_keeps_the_pattern_of_the_frame():
     part = simulate_readout(values[6:20, 7:29], of, 400.0, 3, CropWindow(30, 24, 7, 6)).values
     # But for the edges, whose neighbours are not there.
     np.testing.assert_array_equal(part[3:-3, 3:-3], whole[9:17, 10:26])
-
-
-def test_a_mosaic_needs_three_pixels_a_side():
-    pytest.importorskip("cv2")
-    with pytest.raises(InputError, match="at least 3 x 3 pixels, got 5 x 2"):
-        simulate_readout(np.ones((2, 5, 3)), sensor(bayer="rggb"), 100.0, 1, CropWindow(5, 2, 0, 0))

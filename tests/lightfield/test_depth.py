@@ -1,11 +1,9 @@
 """Depth from focus and from slopes, against distances that are known."""
 
-import math
-
 import numpy as np
 import pytest
 
-from raytracer.lightfield.depth.depth_map import METHODS, Depth, depth_map
+from raytracer.lightfield.depth.depth_map import METHODS, depth_map
 from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, views, waves
 
@@ -70,8 +68,3 @@ def test_without_texture_nothing_is_sure(method):
 def test_wrong_wishes(leaning, wrong, told):
     with pytest.raises(InputError, match=told):
         depth_map(leaning, **wrong)
-
-
-def test_infinity():
-    found = Depth(np.array([[0.0, 0.5, -0.1]]), np.ones((1, 3)), 0, 0)
-    assert found.distance.tolist() == [[math.inf, 2.0, math.inf]]

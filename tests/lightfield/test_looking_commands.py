@@ -10,7 +10,6 @@ from raytracer.cli.base.app import main
 from raytracer.film import image_file
 from raytracer.film.formats import pfm
 from raytracer.film.light_field import lf
-from raytracer.film.light_field.field import LightField, Rays
 from tests.lightfield.analytic import Surface, light_field, views, waves
 
 
@@ -24,18 +23,6 @@ def file(tmp_path_factory):
 
 def run(*arguments):
     return main(["lightfield", *map(str, arguments)])
-
-
-def test_one_view_is_told_of(tmp_path, capsys):
-    whole = light_field(views(1, 1, width=8, height=6), [Surface(2.5, waves(0, 0.1))])
-    one = LightField(whole.radiance, whole.views, rays=Rays(np.zeros((1, 4)), np.ones((1, 3)), np.ones(1)))
-    lf.write(tmp_path / "one.lf", one)
-    assert run("info", tmp_path / "one.lf", "--check") == 0
-    told = capsys.readouterr().out
-    assert "refocusable     by the rays, at any distance" in told
-    assert told.endswith("all of it was read, and is whole\n")
-    assert run("move", tmp_path / "one.lf", "-o", tmp_path / "a.gif") == 2
-    assert "one.lf: a path needs at least two views" in capsys.readouterr().err
 
 
 def test_views(file, tmp_path, capsys):

@@ -10,7 +10,6 @@ from typer.testing import CliRunner
 from raytracer.cli.base.app import application
 from raytracer.film import image_file
 from raytracer.film.light_field import lf
-from raytracer.film.light_field.field import LightField
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, views, waves
@@ -59,13 +58,6 @@ def test_a_stack_is_an_animation_or_a_picture_each(field, file, tmp_path):
     for number, distance in enumerate((1.0, 1.6, 4.0, np.inf), 1):
         found = image_file.load(tmp_path / f"a_{number}.npy")
         np.testing.assert_allclose(found, refocus(field, distance).radiance, rtol=1e-10)
-
-
-def test_without_metres_it_tells_slopes(field, tmp_path):
-    lf.write(tmp_path / "a.lf", LightField(field.radiance, field.views, settings={"units": "views"}))
-    told = json.loads(_run(tmp_path / "a.lf", "--slope", "-0.5:1:3", "-o", tmp_path / "b.gif", "--json"))
-    assert set(told) == {"slopes_px", "files"}
-    np.testing.assert_allclose(told["slopes_px"], [-0.5, 0.25, 1.0], atol=1e-12)
 
 
 @pytest.mark.parametrize(

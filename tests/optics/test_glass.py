@@ -68,15 +68,6 @@ def test_indices_as_they_were_measured(name, wavelength, index):
     assert float(CATALOGUE[name].ior(wavelength)) == pytest.approx(index, abs=1.1e-5)
 
 
-def test_crystals_and_water():
-    # What handbooks give for them: diamond's fire is n(430.8) - n(686.7) = 0.044 with n_D = 2.417; water's n_D at 20
-    # degrees is 1.3330, and the ordinary ray of sapphire has 1.768.
-    diamond = CATALOGUE["diamond"]
-    assert float(diamond.ior(430.8) - diamond.ior(686.7)) == pytest.approx(0.044, abs=5e-4)
-    for name, index in (("diamond", 2.417), ("water", 1.333), ("sapphire", 1.768)):
-        assert float(CATALOGUE[name].ior(589.3)) == pytest.approx(index, abs=5e-4)
-
-
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name != "air"])
 def test_dispersion_is_normal_and_finite_from_300_to_2500_nm(name):
     glass = CATALOGUE[name]

@@ -128,12 +128,6 @@ def test_pixels_at_the_rim_of_the_lens_are_as_bright_as_the_others():
     np.testing.assert_allclose(field.radiance[covered], 1.0, rtol=0.0, atol=1e-9)
 
 
-def test_a_picture_smaller_than_a_sub_image_holds_no_views():
-    layout = Lenslets(LATTICES["whole pixels"], 9, 9, (4.5, 4.5), 1e-3, 1e-3, 0.0, 0.0)
-    with pytest.raises(ValueError, match="holds no whole sub-image"):
-        _ = layout.views
-
-
 def test_a_disc_in_a_square_covers_a_quarter_of_pi():
     assert disc_coverage(-3.0, -3.0, 6.0, 6.0, 3.0) == pytest.approx(math.pi / 4.0)
     assert disc_coverage(-3.0, 0.0, 6.0, 3.0, 3.0) == pytest.approx(math.pi / 4.0)

@@ -272,45 +272,6 @@ def test_a_tile_that_unpacks_to_another_size_is_told(tmp_path, size):
         assert not field.radiance[0, 0].any()
 
 
-def read_all(path):
-    with lf.open(path) as field:
-        for array in (field.radiance, *field.layers.values(), *(field.rays or ())):
-            np.asarray(array)
-
-
-@pytest.mark.parametrize("compress", [False, True])
-def test_a_truncated_file_is_told(tmp_path, compress):
-    lf.write(tmp_path / "a.lf", light_field(), compress=compress)
-    whole = (tmp_path / "a.lf").read_bytes()
-    for length in np.linspace(0, len(whole) - 1, 20).astype(int):
-        (tmp_path / "cut.lf").write_bytes(whole[:length])
-        with pytest.raises(InputError, match=r"cut.lf: is (truncated: its end is missing|no \.lf file|damaged)"):
-            lf.open(tmp_path / "cut.lf")
-
-
-@pytest.mark.parametrize("compress", [False, True])
-def test_flipped_bits_are_told_or_change_nothing(tmp_path, compress):
-    field = light_field()
-    lf.write(tmp_path / "a.lf", field, compress=compress)
-    whole = (tmp_path / "a.lf").read_bytes()
-    rng = np.random.default_rng(5)
-    told = []
-    for place in rng.integers(0, len(whole), 60):
-        data = bytearray(whole)
-        data[place] ^= 1 << rng.integers(0, 8)
-        (tmp_path / "b.lf").write_bytes(data)
-        try:
-            with lf.open(tmp_path / "b.lf") as found:
-                # NumPy's array_equal takes what cannot be read for unequal.
-                assert np.array_equal(np.asarray(found.radiance), field.radiance.astype(np.float32))
-                same_views(found.views, field.views)
-            read_all(tmp_path / "b.lf")
-        except InputError as error:
-            told.append(str(error))
-    assert len(told) > 20
-    assert not any("\n" in sentence for sentence in told)
-
-
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [

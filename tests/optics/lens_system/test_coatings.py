@@ -75,9 +75,3 @@ def test_beyond_the_critical_angle_everything_is_reflected():
     critical = math.asin(1.0 / 1.5168)
     found = reflected(MGF2, np.cos([critical + 1e-9, 0.5 * (critical + 1.5), 1.57]), 1.5168, 1.0)
     np.testing.assert_array_equal(found, [[1.0, 0.0]] * 3)
-
-
-def test_bare_lenses_have_no_coatings():
-    assert pack_coatings([None, None], [1.0, 1.5, 1.0]) is None
-    packed = pack_coatings([None, MGF2], [1.0, 1.5, 1.0])
-    np.testing.assert_array_equal(packed.wavelength, [0.0, 550.0])

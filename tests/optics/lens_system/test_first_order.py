@@ -47,16 +47,6 @@ def test_a_stop_in_the_focal_plane_has_its_pupil_at_infinity():
     assert entrance_pupil(packed) == (math.inf, math.inf)
 
 
-def test_cylinders_have_power_across_their_axis_only():
-    c, n = 0.02, 1.5
-    for axis, other in (("x", "y"), ("y", "x")):
-        surface = Element(c, 1.0, constant_index_glass(n), 9.0, "cylindrical", axis=axis)
-        packed = Lens("cylinder", (surface, Element(0.0, 0.0, AIR, 9.0))).packed()
-        assert cardinal_points(packed, other).focal_length == pytest.approx(1.0 / ((n - 1.0) * c))
-        with pytest.raises(ValueError, match="no power"):
-            cardinal_points(packed, axis)
-
-
 def test_without_a_stop_the_rim_that_light_of_the_axis_fills_is_one():
     assert Lens("singlet", thin(F)).stop() == 0
     narrow = (*thin(F, 10.0), Element(0.0, 3.0, constant_index_glass(1.5), 7.0), Element(0.0, 0.0, AIR, 9.0))

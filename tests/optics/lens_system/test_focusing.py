@@ -107,12 +107,3 @@ def test_a_plane_nearer_than_a_lens_focuses_is_refused_with_the_nearest():
     points = cardinal_points(WHOLE.packed())
     expected = 2.0 * points.focal_length - points.front_principal + entrance_pupil(WHOLE.packed()).z
     assert focus_range(WHOLE.stopped_down(0.01)).nearest == pytest.approx(expected, rel=1e-4)
-
-
-def test_what_has_no_focus_is_named():
-    with pytest.raises(ValueError, match="no image behind it"):
-        focus_shift(Lens("diverging", thin(-100.0)), math.inf)
-    with pytest.raises(ValueError, match="by marginal or rms, not by guess"):
-        focus_shift(WHOLE, math.inf, "guess")
-    with pytest.raises(ValueError, match="cannot move by 41 mm: surfaces would meet"):
-        INNER.packed(shift=41.0)
