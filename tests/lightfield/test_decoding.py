@@ -1,12 +1,10 @@
 """Raw pictures behind microlenses: the grid is found again, and the views are what was drawn."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
 
-from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.resampling import Resampler
 from raytracer.lightfield.decoding.calibration import find_grid
 from raytracer.lightfield.decoding.decoder import decode
@@ -34,6 +32,11 @@ def pictures(request):
     return camera, camera.picture(), camera.picture(_scene, SLOPE)
 
 
+@pytest.fixture(scope="module")
+def small():
+    return _camera(False, size=(280, 210)).picture()
+
+
 def _check_grid(grid, camera, *, pitch=0.02, offset=0.05):
     found, true = grid.lattice, camera.lattice
     assert found.hexagonal == true.hexagonal
@@ -52,9 +55,6 @@ def _relative_rms(decoded, row, column):
     return float(np.sqrt(((decoded.view(row, column) - true) ** 2).mean() / (true**2).mean()))
 
 
-# ---- the grid
-
-
 def test_grid_of_a_spoilt_white_picture(pictures):
     # Rotated by 0.7 degrees, dust, hot pixels, clipped, one side and the bottom in half-light, photon and read noise.
     camera, white, _ = pictures
@@ -66,7 +66,7 @@ def test_grid_of_a_spoilt_white_picture(pictures):
 
 
 @pytest.mark.parametrize("hexagonal", [False, True], ids=["square", "hexagonal"])
-@pytest.mark.parametrize(("pitch", "degrees"), [(5.03, 0.7), (7.4, 90.0), (21.3, -3.0), (40.4, 14.9)])
+@pytest.mark.parametrize(("pitch", "degrees"), [(5.03, 0.7), (7.4, 90.0), (40.4, 14.9)])
 def test_grids_of_all_sizes_and_rotations(hexagonal, pitch, degrees):
     camera = _camera(hexagonal, pitch, degrees, (720, 560) if pitch > 30.0 else (420, 360))
     grid = find_grid(spoiled(camera.picture(supersampling=1 if pitch > 20.0 else 2), 1, dust=4))
@@ -74,22 +74,11 @@ def test_grids_of_all_sizes_and_rotations(hexagonal, pitch, degrees):
     _check_grid(grid, camera, pitch=max(0.02, 0.001 * pitch), offset=max(0.05, 0.002 * pitch))
 
 
-def test_eight_bits_are_enough(pictures):
-    camera, white, _ = pictures
-    _check_grid(find_grid(np.rint(255.0 * np.clip(white, 0.0, 1.0)) / 255.0), camera)
-
-
 def test_a_raw_picture_shows_its_own_grid(pictures):
     camera, _, raw = pictures
     decoded = decode(raw)
     _check_grid(decoded.grid, camera, offset=0.1)
     assert "no white picture" in decoded.notes[0]
-
-
-def test_grid_in_a_file_is_the_same_grid(pictures):
-    grid = find_grid(pictures[1])
-    again = grid_from_dict(json.loads(json.dumps(grid.as_dict())), "grid.json")
-    assert again == dataclasses.replace(grid, blocks=(0, 0))
 
 
 @pytest.mark.parametrize(
@@ -126,9 +115,6 @@ def test_grid_in_a_wrong_file(change, told):
 def test_pictures_without_a_grid(picture, told):
     with pytest.raises(InputError, match=f"w.png: .*{told}"):
         find_grid(picture, "w.png")
-
-
-# ---- the views
 
 
 def test_views_are_what_is_seen_directly(pictures):
@@ -211,58 +197,28 @@ def test_bayer_mosaic_becomes_colours():
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ({"white": np.ones((420, 300))}, "white: has 300 x 420 pixels, and raw has 560 x 420"),
-        ({"white": np.ones((560, 420))}, "turned by 90 degrees"),
+        ({"white": np.ones((210, 150))}, "white: has 150 x 210 pixels, and raw has 280 x 210"),
+        ({"white": np.ones((280, 210))}, "turned by 90 degrees"),
         ({"dark": np.ones((10, 10))}, "dark: has 10 x 10 pixels"),
-        ({"white": np.ones((420, 560)) * [[0.5]]}, "one value everywhere"),
+        ({"white": np.full((210, 280), 0.5)}, "one value everywhere"),
         ({"views": 0}, "--views 0: must be from 1 to 14"),
         ({"views": 15}, "--views 15: must be from 1 to 14"),
         ({"bayer": "rgb"}, "--bayer rgb: must be one of rggb"),
         ({"white": "nowhere.png"}, "nowhere.png: no such file"),
     ],
 )
-def test_what_does_not_go_together(arguments, told):
-    raw = _camera(False).picture()
+def test_what_does_not_go_together(small, arguments, told):
     with pytest.raises(InputError, match=told):
-        decode(raw, **arguments)
+        decode(small, **arguments)
 
 
-def test_white_no_brighter_than_dark():
-    raw = _camera(False).picture()
-    with pytest.raises(InputError, match="white: is black: nowhere brighter than dark"):
-        decode(raw, raw, dark=raw)
-
-
-@pytest.mark.parametrize(
-    ("most", "dtype", "is_told"),
-    [
-        (4095, np.uint16, True),
-        (65520, np.uint16, True),
-        (255, np.uint8, True),
-        (3000, np.uint16, False),
-        (1, float, False),
-    ],
-    ids=["12 bits", "12 bits of 16", "8 bits", "flat", "linear light"],
-)
-def test_a_white_picture_is_clipped_where_a_sensors_numbers_end(most, dtype, is_told):
+@pytest.mark.parametrize(("most", "dtype"), [(4095, np.uint16), (65520, np.uint16), (3000, np.uint16), (1, float)])
+def test_a_white_picture_is_clipped_where_a_sensors_numbers_end(small, most, dtype):
     # A flat top alone is what even light without noise makes, as in a rendered picture.
-    white = _camera(False).picture()
+    white = small
     cut = np.minimum(white / np.quantile(white, 0.7), 1.0)
     notes = decode(cut, (most * cut).astype(dtype)).notes
-    assert any("clipped" in note for note in notes) == is_told
-
-
-# ---- resampling
-
-
-def test_whole_pixels_are_taken_as_they_are():
-    # A grid of 5 pixels: every view is every fifth pixel, bit for bit.
-    raw = np.random.default_rng(0).random((35, 50, 3))
-    resampler = Resampler(Lattice((2.5, 2.5), (5.0, 0.0), (0.0, 5.0)), 50, 35)
-    assert (resampler.count, resampler.width, resampler.height) == (5, 10, 7)
-    for row in range(5):
-        for column in range(5):
-            assert np.array_equal(resampler.view(raw, row, column), raw[row::5, column::5])
+    assert any("clipped" in note for note in notes) == (most in (4095, 65520))
 
 
 @pytest.mark.parametrize("hexagonal", [False, True], ids=["square", "hexagonal"])
@@ -292,11 +248,6 @@ def test_bad_pixels_are_left_out_and_what_is_unseen_is_black():
     assert not seen.seen[:, 0].any()
     assert (seen.values[~seen.seen] == 0.0).all()
     assert np.allclose(seen.values[seen.seen], 0.25)
-
-
-def test_too_small_for_microlenses():
-    with pytest.raises(ValueError, match="fewer than two whole microlenses"):
-        Resampler(lattice(30.0, 0.7, (1.0, 2.0)), 50, 50)
 
 
 @pytest.mark.parametrize("mosaic", [False, True])
