@@ -58,9 +58,10 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
 
     def call(*arguments: Any) -> Any:
         count = next(len(values) for values in _all_rows(arguments))
-        out = np.empty((count, _WORDS))
+        # Column by column, so that what is not written takes no memory.
+        out = np.empty((_WORDS, count)).T
         example = _fill(_tag(kernel), arguments, out)
-        return _shaped(example, iter(out.T.copy()))
+        return _shaped(example, map(np.copy, out.T))
 
     return call
 
