@@ -28,6 +28,9 @@ import time
 from collections import deque
 from pathlib import Path
 
+from rich.console import Console
+from rich.table import Table
+
 from tests.fuzz import harness
 from tests.fuzz.harness import SECONDS_LIMIT, findings_in, write_exception, write_finding, write_stack
 from tests.repository import ROOT
@@ -363,15 +366,12 @@ def _result(runs):
 
 
 def _show(results, findings):
-    rows = [("target", "executions", "a second", "edges", "features", "findings")]
+    table = Table("target", "executions", "a second", "edges", "features", "findings", box=None)
     for result in results:
         keys = ("target", "executions", "executions_per_second", "edges", "features")
-        rows.append((*(result[key] for key in keys), len(result["findings"])))
-    rows.append(("all", sum(result["executions"] for result in results), "", "", "", ""))
-    widths = [max(len(str(cell)) for cell in column) for column in zip(*rows, strict=True)]
-    for name, *cells in rows:
-        numbers = (str(cell).rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
-        print("  ".join((name.ljust(widths[0]), *numbers)).rstrip())
+        table.add_row(*(str(result[key]) for key in keys), str(len(result["findings"])))
+    table.add_row("all", str(sum(result["executions"] for result in results)))
+    Console().print(table)
     for result in results:
         for name in result["findings"]:
             print(f"  {findings / result['target'] / name}.txt")

@@ -15,10 +15,8 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
+from rich.markdown import Markdown
 
 from raytracer.analysis.cost.machine import load_average, processor
 from raytracer.film.window import Window
@@ -133,66 +131,50 @@ def figure(value):
 
 
 def rows_of(finding):
-    """The table's rows of a case, one for each thing measured, without the first column."""
-    cost = "" if finding.cost is None else str(finding.cost)
+    """The table's rows of a case, one for each thing measured; the first one names it, with its cost."""
+    named = f"{finding.case.number}. {finding.case.title}", "" if finding.cost is None else str(finding.cost)
     if finding.error:
-        return [(finding.error, "", "", "", "FAILS", cost)]
+        return [(named[0], finding.error, "", "", "", "FAILS", named[1])]
     rows = []
     for row in finding.measured:
         word = "FAILS" if not row.passes else "passes" if row.tells else "FAILS: the naive way passes"
-        rows.append((row.what, *map(figure, (row.naive, row.ours, row.tolerance)), word, "" if rows else cost))
+        case, cost = ("", "") if rows else named
+        rows.append((case, row.what, *map(figure, (row.naive, row.ours, row.tolerance)), word, cost))
     return rows
 
 
-def printed(findings, large):
-    """Show the table in the terminal, with each case's title above what it measured."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_WIDTH)
-    table = Table("", *HEAD[1:], title="Hard cases", title_justify="left", box=SIMPLE_HEAD)
-    for column in table.columns[2:5]:
-        column.justify = "right"
-    for finding in findings:
-        rows = rows_of(finding)
-        table.add_row(str(finding.case.number), Text(finding.case.title, "bold"), "", "", "", "", rows[0][-1])
-        for what, *row, _ in rows:
-            table.add_row("", Text(what), *row, "", style=None if row[-1] == "passes" else "red")
-    console.print(table)
-    console.print(summary(findings))
-    for name, cost in large.items():
-        console.print(f"{name}: exact takes {cost} times as long as fast")
+def tables(findings, large):
+    """What was measured, as Markdown: a sentence and the tables."""
 
+    def line(cells):
+        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
-def summary(findings):
-    """One sentence."""
     numbers = {finding.case.number for finding in findings}
     failed = [finding.case.name for finding in findings if not finding.passes]
-    verdict = f"these fail: {', '.join(failed)}" if failed else "all pass, and the naive way passes none"
+    verdict = f"; these fail: {', '.join(failed)}" if failed else ": all pass, and the naive way passes none"
     count = sum(len(finding.measured) for finding in findings)
-    return f"{len(numbers)} cases, {count} measurements{';' if failed else ':'} {verdict}."
-
-
-def _line(cells):
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-
-def markdown(findings, large, machine):
-    """The table and the rest of what was measured."""
-    lines = [summary(findings), "", _line(HEAD), "|---|---|---:|---:|---:|---|---|"]
-    for finding in findings:
-        # A case is named in its first row.
-        names = [f"{finding.case.number}. {finding.case.title}"] + [""] * len(finding.measured)
-        lines += [_line((name, *row)) for name, row in zip(names, rows_of(finding), strict=False)]
+    lines = [
+        f"{len(numbers)} cases, {count} measurements{verdict}.",
+        "",
+        line(HEAD),
+        "|---|---|---:|---:|---:|---|---|",
+    ]
+    lines += [line(row) for finding in findings for row in rows_of(finding)]
     if large:
         lines += ["", "| scene | exact / fast |", "|---|---|"]
         lines += [f"| `scenes/{name}.yaml` | {cost} |" for name, cost in large.items()]
-    lines += ["", f"Measured on {machine}.", "", "Where the cases are known from, and where they are measured:", ""]
+    return "\n".join(lines) + "\n"
+
+
+def markdown(findings, large, machine):
+    """The tables and the rest of what the page tells."""
+    lines = ["", f"Measured on {machine}.", "", "Where the cases are known from, and where they are measured:", ""]
     for finding in findings:
         case = finding.case
         module = case.errors.__module__.rpartition(".")[2]
         scene = "" if case.scene is None else f", [scene](../tests/hard_cases/scenes/{case.scene})"
         lines.append(f"- {case.number}: {case.source} ([{module}](../tests/hard_cases/{module}.py){scene})")
-    return "\n".join(lines) + "\n"
+    return tables(findings, large) + "\n".join(lines) + "\n"
 
 
 def write(page, text):
@@ -227,7 +209,9 @@ def main():
     names = LARGE if rounds and not numbers else ()
     large = {name: cost_of(ROOT / "scenes" / f"{name}.yaml", rounds, threads) for name in names}
     loads.append(load_average())
-    printed(findings, large)
+    console = Console()
+    console = console if console.is_terminal else Console(width=_WIDTH)
+    console.print(Markdown(tables(findings, large)))
     before, after = ("unknown" if load is None else f"{load:.1f}" for load in loads)
     machine = f"{processor()}, {threads} threads, load average {before} before and {after} after"
     page = arguments.page or (PAGE if not numbers else None)

@@ -207,8 +207,7 @@ def _naive_failures():
         unit = np.array([tilt, 0.0, -1.0], np.float32)
         tiny = np.array([tilt, tilt, tilt], np.float32)
         for vector, along in ((normal + unit, normal), (tiny, None)):
-            with np.errstate(all="ignore"):
-                direction = vector / np.sqrt(np.dot(vector, vector))
+            direction = vector / np.sqrt(np.dot(vector, vector))
             is_unit = abs(float(np.linalg.norm(direction.astype(np.float64))) - 1.0) < 1e-6
             # A direction of the cosine distribution lies on the normal's side.
             failures += not (is_unit and (along is None or float(direction @ along) >= 0.0))

@@ -61,16 +61,14 @@ def focus_at_infinity(rays):
     origins, directions = camera_rays(ThinLens(focus_distance=math.inf, **keys).pack(40, 30), x, y)
     _, straight = camera_rays(Pinhole(vfov=40.0, **_LOOK).pack(40, 30), x, y)
     beyond = np.hypot(origins[:, 0], origins[:, 1]) > 0.025 * (1.0 + 4.0 * ROUNDING)
-    with np.errstate(invalid="ignore"):
-        naive = np.isnan(_unit(math.inf * straight - origins)).any(axis=1)
+    naive = np.isnan(_unit(math.inf * straight - origins)).any(axis=1)
     yield "rays that are no numbers, or not parallel", naive, (directions != straight).any(axis=1) | beyond
 
     # Focused ever farther away, by the point in focus and by the product's form.
     for focus in (1e3, 1e9, 1e15, 1e30):
         found, towards = camera_rays(ThinLens(focus_distance=focus, **keys).pack(40, 30), x, y)
         aim = np.asarray(focus * straight / -straight[:, 2:], np.float32)
-        with np.errstate(over="ignore", invalid="ignore"):
-            aimed = _unit(aim - found.astype(np.float32)).astype(np.float64)
+        aimed = _unit(aim - found.astype(np.float32)).astype(np.float64)
         expected = _unit(straight / -straight[:, 2:] - found / focus)
         naive = np.where(np.isnan(aimed), 2.0, aimed - expected)
         yield "error of directions, focused 1e3 to 1e30 m away", naive, towards - expected, 16.0 * ROUNDING
@@ -86,8 +84,7 @@ def focused_at_its_focal_length(count):
     rng = np.random.default_rng(25)
     focal = np.round(10.0 ** rng.uniform(-3.0, 0.0, count), 6)
     focus = focal * np.where(np.arange(count) % 2, 1.0, rng.uniform(0.1, 1.0, count))
-    with np.errstate(divide="ignore"):
-        image = 1.0 / (1.0 / focal - 1.0 / focus)
+    image = 1.0 / (1.0 / focal - 1.0 / focus)
 
     def is_lens(length, distance):
         keys = f"focal_length: {length!r} m, f_number: 2, focus_distance: {distance!r}"

@@ -28,11 +28,10 @@ def fresnel(cosines, eta):
 def by_formula(cosines, eta, dtype):
     """Fresnel's equations as they are in books, without any care, in an arithmetic of one's choice."""
     cos_i, eta = cosines.astype(dtype), dtype(eta)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        cos_t = np.sqrt(1 - (1 - cos_i**2) / eta**2)
-        parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
-        perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
-        return (parallel**2 + perpendicular**2) / 2
+    cos_t = np.sqrt(1 - (1 - cos_i**2) / eta**2)
+    parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
+    perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
+    return (parallel**2 + perpendicular**2) / 2
 
 
 def schlick(cosines, eta):

@@ -69,10 +69,12 @@ class HardCase(NamedTuple):
     def measure(self, trials: int) -> list[Measured]:
         """Measure the case in so many trials; errors of one name become one."""
         found: dict[str, Measured] = {}
-        for what, naive, ours, *tolerance in self.errors(trials):
-            _, *before, most = found.get(what, (what, 0, 0, 0.0))
-            both = (_merged(*pair) for pair in zip(before, (naive, ours), strict=True))
-            found[what] = Measured(what, *both, max(most, *map(float, tolerance), 0.0))
+        # What is naive overflows, and divides by zero.
+        with np.errstate(all="ignore"):
+            for what, naive, ours, *tolerance in self.errors(trials):
+                _, *before, most = found.get(what, (what, 0, 0, 0.0))
+                both = (_merged(*pair) for pair in zip(before, (naive, ours), strict=True))
+                found[what] = Measured(what, *both, max(most, *map(float, tolerance), 0.0))
         return list(found.values())
 
 

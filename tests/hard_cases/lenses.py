@@ -210,8 +210,7 @@ def total_reflection_in_an_element(rays):
     starts = np.stack([0 * heights, heights, 0 * heights - 5.0], axis=1)
     weights, points, directions = _traced(lens, starts, (0.0, 0.0, 1.0))
     wrong = (weights != passes) | ~np.isfinite(np.concatenate([points, directions], axis=1)).all(axis=1)
-    with np.errstate(invalid="ignore"):
-        naive = np.sqrt(1.0 - (n * heights / radius) ** 2)
+    naive = np.sqrt(1.0 - (n * heights / radius) ** 2)
     yield "rays that are wrong, or no numbers", np.isnan(naive), wrong
 
 
@@ -279,8 +278,7 @@ def _film_by_search(lens, distance):
     starts = np.stack([0.0 * travels, 0.0 * travels, last + travels], axis=1)
     weight, point, onward = _traced(lens, starts, ways, towards_film=False)
     met = (weight > 0.0) & (onward[:, 1] * point[:, 1] < 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        sharp = np.where(met, point[:, 1] * onward[:, 2] / onward[:, 1] - point[:, 2], math.inf)
+    sharp = np.where(met, point[:, 1] * onward[:, 2] / onward[:, 1] - point[:, 2], math.inf)
     passed = np.flatnonzero(sharp < distance)
     return travels[passed[0]] if len(passed) else None
 

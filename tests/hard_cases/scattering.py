@@ -32,9 +32,8 @@ def multiple_importance_weights(_):
     # What has no density is never drawn, and two strategies without choice never meet.
     pairs = [(p, q) for p in sizes for q in sizes if p > 0.0 and not (math.isinf(p) and math.isinf(q))]
     ours = [(mis_weight_light_sample(None, p, q), mis_weight_path(None, q, p) if q > 0.0 else 0.0) for p, q in pairs]
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        squares = np.array(pairs) ** 2
-        naive = squares / squares.sum(axis=1, keepdims=True)
+    squares = np.array(pairs) ** 2
+    naive = squares / squares.sum(axis=1, keepdims=True)
     naive[np.array(pairs)[:, 1] == 0.0, 1] = 0.0
     ends = [power_heuristic(p, q) for p in (0.0, math.inf) for q in (0.0, math.inf)]
     yield "weights that are no numbers", np.isnan(naive), np.isnan([*np.ravel(ours), *ends])
@@ -74,8 +73,7 @@ def environment_map_of_one_pixel(samples):
     yield "light of the sphere, relative", *(found / true - 1.0 for found in means), 5.0 * 0.2 / math.sqrt(samples)
 
     # A black map, whose probabilities are 0 / 0.
-    with np.errstate(invalid="ignore"):
-        black = np.zeros((16, 32)) / np.zeros((16, 32)).sum()
+    black = np.zeros((16, 32)) / np.zeros((16, 32)).sum()
     is_none = equirectangular(np.zeros((16, 32, 3))) is None
     yield "probabilities of a black map that are no numbers", np.isnan(black), not is_none
 
@@ -89,8 +87,7 @@ def environment_map_of_one_pixel(samples):
     bound = 2.0 * step * 32.0 / (2.0 * np.pi) * float(np.ptp(noise))
     yield "jump of the radiance at the seam", edges, left - right, bound
     poles = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [-0.0, 1.0, -0.0], [1e-300, -1.0, 0.0]])
-    with np.errstate(divide="ignore"):
-        naive = noise[[0, 15, 0, 15], 0, 0] / np.hypot(poles[:, 0], poles[:, 2])
+    naive = noise[[0, 15, 0, 15], 0, 0] / np.hypot(poles[:, 0], poles[:, 2])
     ours = np.concatenate([density(noisy, poles), seen(noisy, poles).ravel(), drawn(noisy, [[0.0, 0.0]]).pdf])
     yield "densities and radiances at the poles that are no numbers", ~np.isfinite(naive), ~np.isfinite(ours)
 
@@ -119,10 +116,9 @@ def narrow_lobes_and_grazing_light(_):
     # Mirrored light of alpha 0.1 at these cosines, by the formula in float32.
     what = "numbers that are none, at cosines down to 0"
     c, a = np.array(COSINES, np.float32), np.float32(0.1)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        tangent2 = (np.float32(1.0) - c * c) / (c * c)
-        masked = np.float32(2.0) / (np.float32(1.0) + np.sqrt(np.float32(1.0) + a * a * tangent2))
-        value = masked * masked / (np.float32(4.0 * np.pi) * a * a * c * c)
+    tangent2 = (np.float32(1.0) - c * c) / (c * c)
+    masked = np.float32(2.0) / (np.float32(1.0) + np.sqrt(np.float32(1.0) + a * a * tangent2))
+    value = masked * masked / (np.float32(4.0 * np.pi) * a * a * c * c)
     yield what, ~np.isfinite(value), 0
     kinds = {"rough_conductor": {"metal": "gold"}, "rough_dielectric": {}, "principled": {"metallic": 0.5}}
     for kind, keys in kinds.items():
@@ -132,9 +128,8 @@ def narrow_lobes_and_grazing_light(_):
 
 def _ggx32(alpha, cosine):
     one, a, c = map(np.float32, (1.0, alpha, cosine))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = c * c * (a * a - one) + one
-        found = float(a * a / (np.float32(np.pi) * root * root))
+    root = c * c * (a * a - one) + one
+    found = float(a * a / (np.float32(np.pi) * root * root))
     return found if math.isfinite(found) else math.inf
 
 
@@ -221,8 +216,7 @@ def _lost_by_self_hits(paths=20_000):
         to = position - center
         b = (to * direction).sum(axis=1)
         root = b * b - (to * to).sum(axis=1) + np.float32(1.0)
-        with np.errstate(invalid="ignore"):
-            near, far = -b - np.sqrt(root), -b + np.sqrt(root)
+        near, far = -b - np.sqrt(root), -b + np.sqrt(root)
         t = np.where(near > 0.0, near, far)
         alive &= (root >= 0.0) & (t > 0.0)
         position = np.where(alive[:, None], position + t[:, None] * direction, position)
@@ -250,9 +244,8 @@ def media_of_nothing(trials):
         far, weight, _ = media.fly_many(clear, trials, distance=distance)
         through = media.transmittance_many(clear, 10, distance=distance)
         taken = np.concatenate([(weight - 1.0).ravel(), (through - 1.0).ravel(), 1.0 * np.isfinite(far)])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            flown = -np.log1p(-u) / 0.0
-            naive = np.nan_to_num(np.exp(-0.0 * np.minimum(flown, distance)) - 1.0, nan=math.inf)
+        flown = -np.log1p(-u) / 0.0
+        naive = np.nan_to_num(np.exp(-0.0 * np.minimum(flown, distance)) - 1.0, nan=math.inf)
         yield "light taken by sigma = 0", naive, taken
 
     def scattered(g):
@@ -275,7 +268,6 @@ def media_of_nothing(trials):
 
 def _henyey_greenstein(g, u):
     """Cosines and their densities as they are printed."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        q = (1.0 - g * g) / (1.0 - g + 2.0 * g * u)
-        cosine = (1.0 + g * g - q * q) / np.float64(2.0 * g)
-        return cosine, (1.0 - g * g) / (4.0 * np.pi * (1.0 + g * g - 2.0 * g * cosine) ** 1.5)
+    q = (1.0 - g * g) / (1.0 - g + 2.0 * g * u)
+    cosine = (1.0 + g * g - q * q) / np.float64(2.0 * g)
+    return cosine, (1.0 - g * g) / (4.0 * np.pi * (1.0 + g * g - 2.0 * g * cosine) ** 1.5)

@@ -81,7 +81,7 @@ def test_figures_are_short(value, text):
 )
 def test_a_row_tells_whether_it_passes(row, word):
     finding = measured(_case(("first", 1, 0), row), quick=True)
-    assert [line[4] for line in rows_of(finding)] == ["passes", word]
+    assert [line[5] for line in rows_of(finding)] == ["passes", word]
     assert finding.passes == (word == "passes")
 
 
@@ -96,7 +96,7 @@ def test_errors_of_one_name_are_one():
 def test_a_case_that_raises_is_told_and_fails():
     finding = measured(_case(RIGHT, ("too few", 1.0)), quick=True)
     assert not finding.passes
-    assert rows_of(finding)[0][0].startswith("ValueError: not enough values")
+    assert rows_of(finding)[0][1].startswith("ValueError: not enough values")
 
 
 def test_what_was_measured_takes_its_place_in_the_page(tmp_path):

@@ -16,14 +16,8 @@ LIST = Path(__file__).with_name("faults.yaml")
 class Fault(NamedTuple):
     """A fault that can be seeded into the package.
 
-    Attributes
-    ----------
-    area : what it is about, by which results are summed up.
-    name : what is wrong then, in plain English.
-    old : text that occurs once in all of the package.
-    new : what takes its place.
-    tests : files or folders of tests that should find it, near ones first.
-    reason : why nothing can find it; None where a test has to.
+    Results are summed up by area; the name says what is wrong then; `old` occurs once in all of the package; `tests`
+    are files or folders of tests that should find it, near ones first; or there is a reason why nothing can.
     """
 
     area: str

@@ -16,6 +16,7 @@ from raytracer.schema.yaml_parser import parse
 from raytracer.util.errors import InputError
 from tests.fuzz.harness import target
 from tests.fuzz.targets._grammar import Choices, Grammar, written
+from tests.repository import SCENES
 
 
 def check(lens):
@@ -33,30 +34,8 @@ def check(lens):
 
 # ---- Ours: an input that begins with a zero byte is taken for choices of the grammar, any other for a text
 
-_BASES = (
-    """\
-name: doublet
-source: nowhere
-focal_length: 100
-f_number: 4
-coating: mgf2
-focus: {moves: group, first: 1, last: 2}
-surfaces:
-  - {type: spherical, radius: 61.47, thickness: 6, material: N-BK7, aperture: 25}
-  - {type: conic, radius: -44.6, conic: -0.5, thickness: 2.5, material: {index: 1.67, abbe: 32}, aperture: 25}
-  - {type: asphere, radius: -129.9, coefficients: [1e-7, 1e-10], thickness: 3, aperture: 25}
-  - {type: stop, thickness: 90, aperture: 20}
-""",
-    """\
-name: anamorph
-surfaces:
-  - {type: cylindrical, axis: x, radius: 80, thickness: 4, material: {cauchy: [1.5, 0.004]}, aperture: 20, stop: true}
-  - {type: flat, thickness: 20, material: 1, aperture: 20, coating: none}
-  - {type: flat, thickness: 4, aperture: 20,
-     material: {sellmeier: {b: [1.04, 0.23, 1.01], c: [0.006, 0.02, 103.6]}}}
-  - {type: spherical, radius: -60 mm, thickness: 1 cm, aperture: 20}
-""",
-)
+_SHIPPED = ("achromat-100mm", "anamorphic-75mm", "double-gauss-50mm-coated", "hyperbolic-100mm", "phone-3.7mm")
+_BASES = [(SCENES / "lenses" / f"{name}.yaml").read_text(encoding="utf-8") for name in _SHIPPED]
 # Made now, and not while an input is timed.
 _GRAMMAR = Grammar(lens_schema(), {"material": ("N-BK7", "F2", "air", "N-BK8")}, {})
 _PLAIN = [parse(text, "base").plain() for text in _BASES]
