@@ -70,22 +70,13 @@ def not_recentred():
 # ---- Scenes
 
 
-def _cover(keys):
-    """The cover, with these overrides."""
-    from raytracer.scene.load import load
+def _cover(keys, by=(0.0, 0.0, 0.0)):
+    """The cover, with these overrides, moved by a vector."""
+    from tests.moving import checked, document, moved
 
-    size = {"film.width": WIDTH, "film.height": WIDTH * 9 // 16}
-    return load(ROOT / "scenes" / "cover.yaml", {**size, **keys})
-
-
-def _moved_cover(keys):
-    """The cover, a million metres from the origin along each axis."""
-    by = np.array([1e6, -1e6, 1e6])
-    spec = _cover(keys)
-    moved = {f"camera.{key}": (getattr(spec.camera, key) + by).tolist() for key in ("look_from", "look_at")}
-    for number in range(len(spec.objects)):
-        moved[f"objects[{number}].transform"] = [{"translate": by.tolist()}]
-    return _cover({**keys, **moved})
+    path = ROOT / "scenes" / "cover.yaml"
+    film = {"width": WIDTH, "height": WIDTH * 9 // 16}
+    return checked(moved(document(path), by), path.parent, film=film, render=keys)
 
 
 _PLANET = """
@@ -132,15 +123,15 @@ def _written(text):
     def scene(keys):
         from raytracer.scene.load import build
 
-        return build(text, "picture.yaml", keys)
+        return build(text, "picture.yaml", {f"render.{key}": value for key, value in keys.items()})
 
     return scene
 
 
 # ---- Pictures
 
-FAST = {"render.accuracy": "fast"}
-CHANCE = {"render.light_sampling": "paths"}
+FAST = {"accuracy": "fast"}
+CHANCE = {"light_sampling": "paths"}
 
 ROWS = {
     "acne": (
@@ -154,7 +145,8 @@ ROWS = {
         ("hits solved again in float64", {}, None),
     ),
     "far": (
-        _moved_cover,
+        # A million metres from the origin along each axis.
+        lambda keys: _cover(keys, (1e6, -1e6, 1e6)),
         ("naive: packed where it is, 1,700 km out", FAST, not_recentred),
         ("recentred in float64", {}, None),
     ),
@@ -162,7 +154,7 @@ ROWS = {
         _written(_CAUSTIC),
         ("naive: lights are met by chance", CHANCE, None),
         ("aimed at, and weighted", {}, None),
-        ("and with `clamp: 4`, which says what it took", {"render.clamp": 4}, None),
+        ("and with `clamp: 4`, which says what it took", {"clamp": 4}, None),
     ),
     "leaks": (
         _written(_DOLLS_HOUSE),
@@ -170,8 +162,8 @@ ROWS = {
         ("no such distance: dark corners", {}, None),
     ),
 }
-"""Rows of pictures: their scene as a function of the keys that are changed, and for each picture its caption, the keys
-that it changes, and what is taken out of the program."""
+"""Rows of pictures: their scene as a function of the keys of `render` that are changed, and for each picture its
+caption, the keys that it changes, and what is taken out of the program."""
 
 SPP = {"leaks": 100}
 

@@ -19,7 +19,7 @@ from tests.plugins.environments.kernels import density, drawn
 from tests.plugins.materials import test_contract as contract
 from tests.plugins.materials.kernels import evaluate_many, incoming, scatter_many
 from tests.plugins.media import kernels as media
-from tests.plugins.shapes.kernels import pdf_of, sample
+from tests.plugins.shapes.kernels import pdf_of, sample, unit
 from tests.statistics import CYLINDER, cell_integrals, chi2_excess, cylinder, directions, sidak
 from tests.vectorised import rows, vectorised
 
@@ -42,7 +42,7 @@ def concentric_disc(trials):
     rim = np.array([0.0, 2.0**-33, 1.0 - 2.0**-33, 1.0 - ROUNDING])[rng.integers(0, 4, trials)]
     u = np.stack([rim, rng.random(trials)], axis=1)
     u = np.where(rng.random(trials)[:, None] < 0.5, u, u[:, ::-1])
-    ours = np.array([warp.sample_cosine_hemisphere(*pair) for pair in u.tolist()])
+    ours = vectorised(warp.sample_cosine_hemisphere)(rows(u[:, 0]), rows(u[:, 1]))
     x, y = _disc32(u)
     lost = np.isnan(np.sqrt(np.float32(1.0) - x * x - y * y))
     yield "directions at the rim that are no numbers", lost, (~np.isfinite(ours)).any(axis=1)
@@ -73,11 +73,10 @@ def orthonormal_basis(trials):
     tilt, phi = 10.0 ** rng.uniform(-9.0, 0.0, trials), rng.uniform(0.0, 2.0 * np.pi, trials)
     steep = np.stack([tilt * np.cos(phi), tilt * np.sin(phi), -np.ones(trials)], axis=1)
     poles = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, -0.0], [-0.0, -1.0, 0.0]])
-    normals = np.concatenate([known, poles, steep, rng.normal(size=(trials, 3))])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = unit(np.concatenate([known, poles, steep, rng.normal(size=(trials, 3))]))
     # Our frame's own pole is -y.
     both = np.concatenate([normals, normals[:, [1, 2, 0]]])
-    frames = _frisvad32(normals), np.array([[*basis((x, y, z)), (x, y, z)] for x, y, z in both.tolist()])
+    frames = _frisvad32(normals), np.stack([*vectorised(basis)(rows(both)), both], axis=1)
     off = (axes @ axes.transpose(0, 2, 1) - np.eye(3) for axes in frames)
     yield "largest entry of the frame's Gram matrix less 1", *off, 3.0 * (2.0 * 4.0 + 1.0) * ROUNDING
 
@@ -132,23 +131,22 @@ def _excess(samples, pdf, cells, order, tests, bounds=CYLINDER):
 
 
 def _warps(u, rng):
-    pairs = u.tolist()
+    numbers = rows(u[:, 0]), rows(u[:, 1])
 
     def lambert(x):
         return np.maximum(0.0, x[:, 0]) / np.pi
 
     def excess(ways, pdf):
-        return _excess(cylinder(np.array(ways)), pdf, (20, 40), 4, 3)
+        return _excess(cylinder(ways), pdf, (20, 40), 4, 3)
 
     found = [
-        excess([warp.sample_sphere(*pair) for pair in pairs], 0.25 / np.pi),
-        excess([warp.sample_cone(*pair, 1.0) for pair in pairs], lambda x: np.where(x[:, 0] >= 0.0, 0.5 / np.pi, 0.0)),
-        excess([warp.sample_cosine_hemisphere(*pair) for pair in pairs], lambert),
+        excess(vectorised(warp.sample_sphere)(*numbers), 0.25 / np.pi),
+        excess(vectorised(warp.sample_cone)(*numbers, 1.0), lambda x: np.where(x[:, 0] >= 0.0, 0.5 / np.pi, 0.0)),
+        excess(vectorised(warp.sample_cosine_hemisphere)(*numbers), lambert),
     ]
     within = rng.normal(size=(len(u), 3))
     within *= (rng.random(len(u)) ** (1.0 / 3.0) / np.linalg.norm(within, axis=1))[:, None]
-    lazy = within + np.array([0.0, 0.0, 1.0])
-    lazy /= np.linalg.norm(lazy, axis=1, keepdims=True)
+    lazy = unit(within + np.array([0.0, 0.0, 1.0]))
     angles = np.stack([np.cos(np.pi * u[:, 0]), 2.0 * np.pi * u[:, 1] - np.pi], axis=1)
     return [_excess(angles, 0.25 / np.pi, (20, 40), 4, 3), excess(lazy, lambert)], found
 
@@ -159,7 +157,7 @@ def _sphere_lights(u):
     for distance in (1e4, 1.5, 0.5):
         table = (spheres([0.0, 0.0, distance], 1.0),)
         points = sample(table, 0, 0, ORIGIN, u)
-        way = points.point / np.linalg.norm(points.point, axis=1, keepdims=True)
+        way = unit(points.point)
         if distance < 1.0:
             # By area, whose density in solid angle depends on the point that a direction meets.
             def seen_from_within(x, table=table, distance=distance):
@@ -294,35 +292,28 @@ def materials_keep_energy_and_are_reciprocal(samples):
             deviation = weight.std(axis=0).max() / math.sqrt(samples)
             gain = max(0.0, weight.mean(axis=0).max() - 1.0 - 5.0 * deviation)
             yield "light given back, more than came", coat, gain, 0.01
-    pairs = np.random.default_rng(49).normal(size=(100, 2, 3))
-    pairs /= np.linalg.norm(pairs, axis=2, keepdims=True)
-    fuzzy = _asymmetry(contract.spec_of("metal", {"albedo": 1.0, "fuzz": 1.0}), pairs)
+    pairs = unit(np.random.default_rng(49).normal(size=(20, 3))).reshape(2, 10, 3)
+    fuzzy = _asymmetry(contract.spec_of("metal", {"albedo": 1.0, "fuzz": 1.0}), *pairs)
     for spec in _lit():
         if spec.type != "metal":
-            yield "f(a, b) and f(b, a), relative", fuzzy, _asymmetry(spec, pairs), 1e-6
+            yield "f(a, b) and f(b, a), relative", fuzzy, _asymmetry(spec, *pairs), 1e-6
 
 
-def _asymmetry(spec, pairs):
-    """The largest relative difference of f there and back, of light in basic radiance, among pairs of directions."""
+def _asymmetry(spec, a, b):
+    """The relative differences of f there and back, of light in basic radiance, of all pairs of directions (n, 3)."""
+    there, back = (np.array([_basic(spec, seen, lit) for seen in some]) for some, lit in ((a, b), (b, a)))
+    back = back.swapaxes(0, 1)
+    return (there - back) / np.maximum(np.maximum(there, back), np.finfo(float).tiny)
+
+
+def _basic(spec, seen, lit):
+    """f of light from directions (n, 3), as seen from one: of basic radiance, over the square of the index there."""
     inside, outside = (float(parse_glass(getattr(spec, key, 1.0)).ior()) for key in ("ior", "outside_ior"))
-    worst = 0.0
-    for a, b in pairs:
-        there, back = (
-            _basic(spec, x, y, inside if y[2] < 0.0 and spec.type == "rough_dielectric" else outside)
-            for x, y in ((a, b), (b, a))
-        )
-        larger = np.maximum(np.maximum(there, back), np.finfo(float).tiny)
-        worst = max(worst, float((np.abs(there - back) / larger).max()))
-    return worst
-
-
-def _basic(spec, a, b, index):
-    """f of light from `b`, where the index is this, seen from `a`: of basic radiance, over the index squared."""
-    front = bool(a[2] > 0.0)
-    value, _ = evaluate_many(
-        spec, tuple((-a).tolist()), b[None], front=front, normal=(0.0, 0.0, 1.0 if front else -1.0)
-    )
-    return value[0] / abs(b[2]) / index**2
+    index = np.where((lit[:, 2:] < 0.0) & (spec.type == "rough_dielectric"), inside, outside)
+    front = bool(seen[2] > 0.0)
+    normal = (0.0, 0.0, 1.0 if front else -1.0)
+    value, _ = evaluate_many(spec, tuple((-seen).tolist()), lit, front=front, normal=normal)
+    return value / np.abs(lit[:, 2:]) / index**2
 
 
 @hard_case(47, "pbrt-v4 src/pbrt/samplers_test.cpp", quick=64, thorough=1024)

@@ -23,13 +23,10 @@ TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]], "<u2")
 def check(path):
     mesh = read_mesh(path)
     count = len(mesh.vertices)
-    assert mesh.vertices.shape == (count, 3)
-    assert mesh.vertices.dtype == np.float64
+    assert (mesh.vertices.shape, mesh.vertices.dtype) == ((count, 3), np.float64)
+    assert (mesh.faces.shape, mesh.faces.dtype) == ((len(mesh.faces), 3), np.uint32)
     assert np.isfinite(mesh.vertices).all()
-    assert mesh.faces.shape == (len(mesh.faces), 3)
-    assert mesh.faces.dtype == np.uint32
-    assert len(mesh.faces) >= 1
-    assert mesh.faces.max() < count
+    assert 0 <= mesh.faces.max() < count
     if mesh.normals is not None:
         lengths = np.linalg.norm(mesh.normals, axis=1)
         assert mesh.normals.shape == (count, 3)
