@@ -28,15 +28,10 @@ _TARGETS = Path(__file__).parent / "targets"
 
 
 class Target(NamedTuple):
-    """A loader that is fuzzed.
+    """A loader that is fuzzed: small valid files of every kind that it takes, and what loads bytes in a folder.
 
-    Attributes
-    ----------
-    seeds : small valid files of every kind that it takes.
-    run : loads bytes in a folder.
-    dictionary : words of the format, of which inputs are made.
-    max_length : bytes that an input has at most.
-    address_limit : bytes of address space that one may ask for, whether it uses them or not.
+    The dictionary is of words of the format; an input has at most `max_length` bytes, and may ask for at most
+    `address_limit` bytes of address space, whether it uses them or not.
     """
 
     name: str
@@ -51,15 +46,12 @@ _KNOWN = {}
 
 
 def target(name, *, seeds, file=None, words="", max_length=4096, address_limit=2**30):
-    """Declare a function that loads a file, or of bytes and a folder, as a target.
+    """Declare a function of bytes and a folder, or of the path of a `file` that holds the bytes, as a target.
 
     It may raise InputError, or OutputError, and nothing else; what it has loaded it checks: that numbers are finite,
     indices within range, sizes within their limits.
 
-    Parameters
-    ----------
     seeds : a list, or a function that makes them.
-    file : name of the file in which the function finds the bytes; it gets the path alone then.
     words : of the dictionary, with ~ between them; bytes that are no UTF-8 as of `surrogateescape`.
     """
 

@@ -109,10 +109,8 @@ def shapes_that_are_nothing(_):
 
 # ---- Triangles
 
-_BAD = "pbrt-v4 shapes_test.cpp (Triangle.BadCases); Embree 4.4, measured"
 
-
-@hard_case(13, _BAD, "slivers", quick=300, thorough=100_000)
+@hard_case(13, "pbrt-v4 shapes_test.cpp (Triangle.BadCases); Embree 4.4, measured", "slivers", 300, 100_000)
 def triangles_without_an_area(count):
     """Triangles without an area, and without numbers.
 

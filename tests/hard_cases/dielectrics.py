@@ -40,10 +40,7 @@ def schlick(cosines, eta):
     return head_on + (1.0 - head_on) * (1.0 - cosines) ** 5
 
 
-_HECHT = "Hecht 2017, Optics, 5th ed., sec. 4.7; RayTracing/InOneWeekend"
-
-
-@hard_case(18, _HECHT, "snells_window")
+@hard_case(18, "Hecht 2017, Optics, 5th ed., sec. 4.7; RayTracing/InOneWeekend", "snells_window")
 def critical_angle(_):
     """From glass into air at the critical angle, an ulp inside it, and just outside.
 

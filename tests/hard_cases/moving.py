@@ -88,10 +88,7 @@ def _linear(time, segments):
     return start + (time * segments - step)[:, None] * (end - start)
 
 
-_SPIN = "Embree 4 API reference, RTCQuaternionDecomposition; Shoemake 1985"
-
-
-@hard_case(30, _SPIN, "spin", quick=2000, thorough=200_000)
+@hard_case(30, "Embree 4 API reference, RTCQuaternionDecomposition; Shoemake 1985", "spin", 2000, 200_000)
 def spin(times):
     """A lamp that goes round by 360 degrees while the shutter is open, on a circle of 1 m.
 

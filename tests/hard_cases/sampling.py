@@ -28,10 +28,8 @@ ALARM = 1e-3
 
 # ---- Discs and frames
 
-_DISC = "Shirley, Chiu 1997, JGT 2(3); Pharr et al. 2023, PBRT, A.5.1 and 8.6.1"
 
-
-@hard_case(35, _DISC, quick=20_000, thorough=1_000_000)
+@hard_case(35, "Shirley, Chiu 1997, JGT 2(3); Pharr et al. 2023, PBRT, A.5.1 and 8.6.1", None, 20_000, 1_000_000)
 def concentric_disc(trials):
     """The middle and the rim of the disc from which cosine-weighted directions are drawn.
 
@@ -58,10 +56,7 @@ def _disc32(u):
     return radius * np.cos(angle), radius * np.sin(angle)
 
 
-_DUFF = "Duff et al. 2017, Building an Orthonormal Basis, Revisited, JCGT 6(1), figure 1"
-
-
-@hard_case(36, _DUFF, quick=5_000, thorough=500_000)
+@hard_case(36, "Duff et al. 2017, Building an Orthonormal Basis, Revisited, JCGT 6(1), figure 1", None, 5_000, 500_000)
 def orthonormal_basis(trials):
     """The frame about normals that look almost straight back, against Frisvad's in float32.
 
@@ -273,10 +268,7 @@ def _material_excess(drawing, telling, degrees, samples, tests):
     return chi2_excess(observed, expected * (observed.sum() / expected.sum()), ALARM, tests)
 
 
-_HELMHOLTZ = "Helmholtz 1867; Veach 1997, thesis, sec. 5.3; pbrt-v4 src/pbrt/bsdfs_test.cpp"
-
-
-@hard_case(47, _HELMHOLTZ, quick=20_000, thorough=1_000_000)
+@hard_case(47, "Helmholtz 1867; Veach 1997, thesis, sec. 5.3; pbrt-v4 src/pbrt/bsdfs_test.cpp", None, 20_000, 1_000_000)
 def materials_keep_energy_and_are_reciprocal(samples):
     """No material gives back more light than it gets, and all but One Weekend's fuzzy metal are reciprocal.
 

@@ -58,10 +58,7 @@ def _across(vectors, seed):
     return unit(aside - (aside * vectors).sum(axis=1)[:, None] * vectors)
 
 
-_FAR = "mitsuba3 issue 512; Haines et al. 2019, Ray Tracing Gems ch. 7"
-
-
-@hard_case(1, _FAR, "far_sphere", quick=20_000, thorough=2_000_000)
+@hard_case(1, "mitsuba3 issue 512; Haines et al. 2019, Ray Tracing Gems ch. 7", "far_sphere", 20_000, 2_000_000)
 def far_unit_sphere(rays):
     """A unit sphere seen from 10 to 100,000 m away.
 

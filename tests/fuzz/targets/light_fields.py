@@ -123,7 +123,8 @@ def check(field):
     views = field.views
     assert tuple(field.radiance.shape) == (views.rows, views.columns, views.height, views.width, 3)
     assert views.rows * views.columns <= _MOST_FILES * 1024
-    assert np.isfinite(views.position).all() * views.plane.pixel > 0.0
+    assert np.isfinite(views.position).all()
+    assert views.plane.pixel > 0.0
     assert np.asarray(field.radiance[-1, -1]).shape == (views.height, views.width, 3)
     for layer in field.layers.values():
         assert np.asarray(layer[0, 0]).shape == (views.height, views.width)

@@ -71,18 +71,24 @@ def _repaired(choice, data, suffix):
     return with_header(*data.partition(b"\x00")[::2]) if choice & _REPAIRED and suffix == ".npy" else data
 
 
-def _images():
-    for suffix, data in _pillow_files():
-        yield bytes([SUFFIXES.index(suffix) | _REPAIRED]) + data
-    arrays = (_VALUES, _PIXELS, _VALUES[..., 0].astype(np.float32))
-    header = b"{'descr': '<u2', 'fortran_order': True, 'shape': (2, 3), }\x00"
+def _files(suffixes, *arrays):
+    """Files of formats, each after the place of its suffix among these."""
     for suffix, files in (
         (".exr", _exr_files()),
-        (".hdr", (hdr.encode(_VALUES, {"a": "b"}), hdr.encode(_VALUES[:, :3], {}))),
-        (".npy", map(npy, arrays)),
+        (".hdr", (hdr.encode(_VALUES, {"EXPOSURE": "2"}), hdr.encode(_VALUES[:, :3], {}))),
+        (".npy", map(npy, (_VALUES, *arrays))),
     ):
-        yield from (bytes([SUFFIXES.index(suffix)]) + data for data in files)
-    yield bytes([SUFFIXES.index(".npy") | _REPAIRED]) + header + bytes(range(12))
+        yield from (bytes([suffixes.index(suffix)]) + data for data in files)
+    for suffix, data in _pillow_files():
+        if suffix in suffixes:
+            yield bytes([suffixes.index(suffix) | _REPAIRED]) + data
+    for dtype in ("<u2", "<f2"):
+        header = f"{{'descr': '{dtype}', 'fortran_order': True, 'shape': (1, 2, 3), }}\0".encode()
+        yield bytes([suffixes.index(".npy") | _REPAIRED]) + header + bytes(range(12))
+
+
+def _images():
+    yield from _files(SUFFIXES, _PIXELS, _VALUES[..., 0].astype(np.float32))
 
 
 _WORDS = "IHDR~PLTE~IDAT~tRNS~iCCP~acTL~fdAT~dataWindow\0box2i~channels\0chlist~EXPOSURE="
@@ -105,17 +111,9 @@ def load_image(data, folder):
 
 
 def _compared():
-    exr, of_hdr, of_npy = map(image_suffixes().index, (".exr", ".hdr", ".npy"))
-    for suffix, data in _pillow_files():
-        if suffix in image_suffixes():
-            yield bytes([image_suffixes().index(suffix) | _REPAIRED]) + data
-    for data in _exr_files():
-        yield bytes([exr]) + data
-        yield bytes([exr | _OTHERWISE]) + data
-    yield bytes([of_hdr]) + hdr.encode(_VALUES, {"EXPOSURE": "2"})
-    yield bytes([of_npy]) + npy(_VALUES)
-    header = b"{'descr': '<f2', 'fortran_order': True, 'shape': (1, 2, 3), }\x00"
-    yield bytes([of_npy | _REPAIRED]) + header + bytes(12)
+    yield from _files(image_suffixes())
+    exr = image_suffixes().index(".exr") | _OTHERWISE
+    yield from (bytes([exr]) + data for data in _exr_files())
 
 
 @target("picture", seeds=_compared, max_length=2048, words=_WORDS)
