@@ -28,23 +28,24 @@ import time
 from collections import deque
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 from tests.fuzz import harness
 from tests.fuzz.harness import SECONDS_LIMIT, findings_in, write_exception, write_finding, write_stack
-from tests.repository import ROOT
 
 # Forked processes must not rely on threads that stayed behind.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["OMP_NUM_THREADS"] = "1"
+
+ROOT = Path(__file__).parents[2]
 
 _DEFAULT_SECONDS = 60.0
 _IN_MEMORY = "/dev/shm"
 """Linux has files in memory there: an execution writes one, which a busy disk would wait for."""
 
 _PARSERS = ("zipfile", "configparser")
-"""Packages written in Python that parse for loaders, whose coverage is followed along with raytracer's."""
+"""Packages written in Python that parse for loaders, whose coverage is followed along with raytracer's.
+
+What is imported before is not instrumented, so that this module imports no more than it needs.
+"""
 
 _RSS_LIMIT = 2048
 _POLL = 0.02
@@ -283,7 +284,8 @@ def _fuzz(run):
         (run.corpus / path.name).write_bytes(path.read_bytes())
 
     memory, done = run.memory, 0
-    peaks = _peaks()
+    status = os.open("/proc/self/status", os.O_RDONLY)
+    peaks = _peaks(status)
 
     def execute(data):
         nonlocal done, peaks
@@ -295,9 +297,10 @@ def _fuzz(run):
             raise
         except BaseException as error:  # noqa: BLE001
             write_exception(run.findings, error, data)
-        before, peaks = peaks, _peaks()
-        for name, limit in (("VmHWM", harness.MEMORY_LIMIT), ("VmPeak", run.target.address_limit)):
-            if (taken := peaks[name] - before[name]) > limit:
+        before, peaks = peaks, _peaks(status)
+        limits = {"VmPeak": run.target.address_limit, "VmHWM": harness.MEMORY_LIMIT}
+        for (name, limit), least, most in zip(limits.items(), before, peaks, strict=True):
+            if (taken := most - least) > limit:
                 text = f"{name} rose by {taken / 2**20:.0f} MB for {len(data)} bytes\n"
                 write_finding(run.findings, f"memory-{name}", data, text)
         harness.emptied(run.files)
@@ -327,10 +330,9 @@ def _fuzz(run):
         atheris.Fuzz()
 
 
-def _peaks():
-    """The most memory (bytes) that this process has used so far (VmHWM), and the most address space (VmPeak)."""
-    status = Path("/proc/self/status").read_text(encoding="ascii")
-    return {name: 1024 * int(kilobytes) for name, kilobytes in re.findall(r"(VmHWM|VmPeak):\s+(\d+)", status)}
+def _peaks(status):
+    """The most address space (bytes) that this process has had so far, VmPeak, and the most memory, VmHWM."""
+    return [1024 * int(kilobytes) for kilobytes in re.findall(rb"Vm(?:HWM|Peak):\s+(\d+)", os.pread(status, 4096, 0))]
 
 
 def _reproduced(target, file):
@@ -366,6 +368,9 @@ def _result(runs):
 
 
 def _show(results, findings):
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table("target", "executions", "a second", "edges", "features", "findings", box=None)
     for result in results:
         keys = ("target", "executions", "executions_per_second", "edges", "features")
