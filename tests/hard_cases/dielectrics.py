@@ -144,7 +144,11 @@ def pile_of_panes(spp):
 FURNACE = (
     "camera: {type: pinhole, look_from: [0, 0, 9], look_at: [0, 0, 1], vfov: 16}\n"
     "environment: {type: constant, radiance: 1}\nobjects:\n"
+    "  - {type: quad, corner: [0, -93, 0], edges: [[1e-9, 0, 0], [0, 0, 1e-9]], "
+    "material: {type: emitter, radiance: 1}}\n"
 )
+"""With a speck of a lamp, as others of these scenes have one, so that they share a kernel."""
+
 GLASSES = {
     "glass": ball("ior: 1.5"),
     "ice in water in glass, which overlap": ball("ior: 1.5, priority: 1")

@@ -156,8 +156,10 @@ objects:
   - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 1}}
 """
 
+# Within the ball no environment is seen: this one makes the scene one of the type of others.
 HALF = """
 camera: {type: pinhole, look_from: [0, 0.5, 0.8], look_at: [0, 3, 0.8], up: [0, 0, 1], vfov: 20}
+environment: {type: constant, radiance: 1.0e-12}
 objects:
   - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 1}}
   - {type: sphere, center: [0, 0, 0], radius: 0.7071067811865476, material: {type: emitter, radiance: 1}}
