@@ -18,20 +18,8 @@ from raytracer.core.primitives.translated import Translated
 from raytracer.rendering.render import render
 from raytracer.scene.pack.scene import pack
 from tests.core.instancing.kernels import Scenery, Stage, cast
-from tests.hard_cases.random_scenes import (
-    SEEDS,
-    decades,
-    direction,
-    in_a_furnace,
-    middles,
-    relabelled,
-    rotated,
-    scaled,
-    scenes,
-    spec_of,
-    translated,
-    write_files,
-)
+from tests.hard_cases import random_scenes
+from tests.hard_cases.random_scenes import SEEDS, decades, direction, scaled, spec_of, translated
 from tests.plugins.shapes.kernels import unit
 
 QUICK, THOROUGH = 20, 500
@@ -50,7 +38,7 @@ ROUNDING = 1e-12
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("scenes")
-    write_files(path)
+    random_scenes.write_files(path)
     return path
 
 
@@ -72,28 +60,14 @@ def _scale_of(document):
     return math.dist(document["camera"]["look_from"], document["camera"]["look_at"])
 
 
-# ---- What is done to a scene
-
-
-def _moved(document, random):
-    """The scene as far from the origin as a million times its scale."""
-    return translated(document, decades(random, 0.0, 6.0) * _scale_of(document) * direction(random))
-
-
-def _turned(document, random):
-    return rotated(document, direction(random), random.uniform(0.0, 360.0))
-
-
-def _resized(document, random):
-    """The scene at any size from a micrometre to a megametre."""
-    return scaled(document, decades(random, -6.0, 6.0) / _scale_of(document))
-
-
-def _shuffled(document, random):
-    return relabelled(document, random.permutation(len(document["objects"])))
-
-
-# ---- Properties
+CHANGES = {
+    # As far from the origin as a million times its scale, and of any size from a micrometre to a megametre.
+    "translation": lambda d, random: translated(d, decades(random, 0.0, 6.0) * _scale_of(d) * direction(random)),
+    "rotation": lambda d, random: random_scenes.rotated(d, direction(random), random.uniform(0.0, 360.0)),
+    "scaling": lambda d, random: scaled(d, decades(random, -6.0, 6.0) / _scale_of(d)),
+    "relabelling": lambda d, random: random_scenes.relabelled(d, random.permutation(len(d["objects"]))),
+}
+"""What changes no picture, of a document and random numbers."""
 
 
 def _invariance(change):
@@ -117,7 +91,7 @@ def _scaling_by_powers_of_two(folder, alpha, document, random):
 
 def _energy(folder, alpha, document, random):
     """In a furnace no path is worth more than 1, since nothing weights one by more."""
-    assert rendered(in_a_furnace(document), folder).radiance.max() <= 1.0 + ROUNDING
+    assert rendered(random_scenes.in_a_furnace(document), folder).radiance.max() <= 1.0 + ROUNDING
 
 
 def _is_outside(table, primitive):
@@ -148,7 +122,7 @@ def self_hits(document, folder, random, *, off=True):
     eye = np.array(document["camera"]["look_from"])
 
     # Look at the objects, and from some of them at others.
-    aims = (middles(document) - eye)[random.integers(len(middles(document)), size=RAYS)]
+    aims = random.permutation(np.resize(random_scenes.middles(document), (RAYS, 3))) - eye
     ways = unit(aims + 0.2 * np.linalg.norm(aims, axis=1, keepdims=True) * random.normal(size=(RAYS, 3)))
     times = random.random(RAYS)
     starts = np.broadcast_to(eye - (0.0 if scene.origin is None else np.array(scene.origin.world)), (RAYS, 3))
@@ -175,10 +149,7 @@ def _self_hits(folder, alpha, document, random):
 
 
 PROPERTIES = {
-    "translation": _invariance(_moved),
-    "rotation": _invariance(_turned),
-    "scaling": _invariance(_resized),
-    "relabelling": _invariance(_shuffled),
+    **{name: _invariance(change) for name, change in CHANGES.items()},
     "powers of two": _scaling_by_powers_of_two,
     "energy": _energy,
     "self-hits": _self_hits,
@@ -186,8 +157,10 @@ PROPERTIES = {
 
 
 def _everything(folder, alpha, document, random):
-    other = _moved(_resized(_turned(document, random), random), random)
-    _invariance(lambda document, random: _shuffled(other, random))(folder, alpha, document, random)
+    other = document
+    for name in ("rotation", "scaling", "translation"):
+        other = CHANGES[name](other, random)
+    _invariance(lambda _, random: CHANGES["relabelling"](other, random))(folder, alpha, document, random)
     _energy(folder, alpha, other, random)
     _self_hits(folder, alpha, other, random)
 
@@ -196,7 +169,7 @@ def _for_scenes(count, check, **more):
     """Call a function for so many scenes, each with random numbers of its own."""
 
     @settings(max_examples=count, suppress_health_check=list(HealthCheck), **more)
-    @given(scenes(), SEEDS)
+    @given(random_scenes.scenes(), SEEDS)
     def call(document, seed):
         check(document, np.random.default_rng(seed))
 
