@@ -27,6 +27,9 @@ from tests.vectorised import random_draws, rows, vectorised
 ROUNDOFF = ROUNDING
 PACKET = 8
 
+MANY = 1_000_000
+"""Trials at a time, so that they take little memory."""
+
 
 class _Rule(NamedTuple):
     """As much of a scene as `russian_roulette` asks for."""
@@ -45,9 +48,11 @@ def roulette_above_one(paths):
     """
 
     def weights(throughput):
-        given = (_Rule(0), (throughput,) * 3, LEAST_THROUGHPUT, 9, random_draws(paths))
-        survival = vectorised(russian_roulette)(*given)
-        return np.divide(throughput, survival, out=np.zeros(paths), where=survival > 0.0)
+        given = (_Rule(0), (throughput,) * 3, LEAST_THROUGHPUT, 9)
+        parts = [min(MANY, paths - first) for first in range(0, paths, MANY)]
+        draws = (random_draws(part, seed=seed) for seed, part in enumerate(parts))
+        survival = np.concatenate([vectorised(russian_roulette)(*given, some) for some in draws])
+        return np.where(survival > 0.0, throughput / survival, 0.0)
 
     yield "light lost at 1.7", 1.7 - 1.7 / 1.7, weights(1.7) - 1.7
     throughput, below = 0.1, weights(0.1)
@@ -152,12 +157,15 @@ def numbers_below_one(count):
     Naive: as float32, 2^32 - 1 is 2^32, so its product with 2^-32 is 1, and an index made of it lies behind the end.
     None of ours may be 1: not of the largest words, nor of any sampler with any number of strata.
     """
-    words = np.arange(2**32 - count, 2**32, dtype=np.uint64)
-    naive = words.astype(np.uint32).astype(np.float32) * np.float32(2.0**-32)
-    yield "numbers that reach 1", naive >= 1.0, vectorised(unit_interval)(rows(words)) >= 1.0
-    for sampler in (make(0, spp) for make in SAMPLERS.values() for spp in (1, 7, 2**31 - 1)):
-        drawn = vectorised(largest_draw)(sampler, pixel_key(sampler, 3, 5), rows(np.arange(2**31 - count, 2**31)))
-        yield "numbers that reach 1", 0, drawn >= 1.0
+    samplers = [make(0, spp) for make in SAMPLERS.values() for spp in (1, 7, 2**31 - 1)]
+    for below in range(0, count, MANY):
+        words = np.arange(2**32 - min(count, below + MANY), 2**32 - below, dtype=np.uint64)
+        naive = words.astype(np.uint32).astype(np.float32) * np.float32(2.0**-32)
+        yield "numbers that reach 1", naive >= 1.0, vectorised(unit_interval)(rows(words)) >= 1.0
+        indices = rows((words - np.uint64(2**31)).astype(np.int64))
+        for sampler in samplers:
+            drawn = vectorised(largest_draw)(sampler, pixel_key(sampler, 3, 5), indices)
+            yield "numbers that reach 1", 0, drawn >= 1.0
 
 
 # ---- Directions
