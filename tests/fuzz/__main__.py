@@ -22,6 +22,7 @@ import platform
 import re
 import signal
 import struct
+import subprocess
 import sys
 import tempfile
 import time
@@ -83,7 +84,7 @@ def main(arguments=None):
     with open(os.devnull, "w") as nowhere, contextlib.redirect_stderr(nowhere):
         targets = [harness.load_target(name) for name in options.targets or known]
     if options.reproduce:
-        return _reproduced(targets[0], options.reproduce)
+        return _reproduced(targets[0], options.reproduce, options.timeout)
 
     options.findings = options.findings or Path(tempfile.mkdtemp(prefix="rt-findings-"))
     memory = _IN_MEMORY if os.access(_IN_MEMORY, os.W_OK) else None
@@ -155,7 +156,14 @@ class _Run:
     def start(self):
         _HEADER.pack_into(self.memory, 0, 0, 0.0, 0)
         self.began = time.monotonic()
-        self.process = _forked(lambda: _fuzz(self))
+        self.process = os.fork()
+        if self.process == 0:
+            try:
+                _fuzz(self)
+            except BaseException:  # noqa: BLE001
+                sys.excepthook(*sys.exc_info())
+            finally:
+                os._exit(1)
 
     def ended(self):
         """Tell if the process has ended; the reason is written down."""
@@ -201,38 +209,13 @@ class _Run:
             write_stack(self.findings, kind, stack, data)
 
     def _once_more(self, data):
-        """Execute one input in a process of its own: its exit status, 0 if nothing happened, and its stack."""
-        path = self.folder / "stack"
-
-        def execute():
-            with open(path, "w", encoding="utf-8") as stack:
-                faulthandler.enable(stack)
-                faulthandler.dump_traceback_later(self.timeout, exit=True, file=stack)
-                with harness.strict(), contextlib.suppress(BaseException):
-                    harness.execute(self.target, data, self.files)
-
-        process = _forked(execute)
-        deadline = time.monotonic() + _STUCK * self.timeout
-        while (ended := os.waitpid(process, os.WNOHANG))[0] == 0:
-            if time.monotonic() > deadline:
-                os.kill(process, signal.SIGKILL)
-            time.sleep(_POLL)
-        return os.waitstatus_to_exitcode(ended[1]), path.read_text(encoding="utf-8", errors="replace")
-
-
-def _forked(task):
-    """Start a process for a task: its number; it ends with 0, or with 1 and a traceback."""
-    process = os.fork()
-    if process == 0:
-        status = 1
-        try:
-            task()
-            status = 0
-        except BaseException:  # noqa: BLE001
-            sys.excepthook(*sys.exc_info())
-        finally:
-            os._exit(status)
-    return process
+        """Execute one input in a process of its own: its exit status, 0 if nothing happened, and what it said."""
+        path = self.folder / "input"
+        path.write_bytes(data)
+        command = [sys.executable, "-m", "tests.fuzz", self.target.name, "--timeout", str(self.timeout)]
+        said = {"capture_output": True, "text": True, "errors": "replace"}
+        done = subprocess.run([*command, "--reproduce", path], cwd=ROOT, check=False, **said)
+        return done.returncode, done.stderr
 
 
 def _fuzzed(targets, options, scratch, began):
@@ -335,10 +318,10 @@ def _peaks(status):
     return [1024 * int(kilobytes) for kilobytes in re.findall(rb"Vm(?:HWM|Peak):\s+(\d+)", os.pread(status, 4096, 0))]
 
 
-def _reproduced(target, file):
+def _reproduced(target, file, timeout):
     began = time.monotonic()
     faulthandler.enable()
-    faulthandler.dump_traceback_later(SECONDS_LIMIT, exit=True)
+    faulthandler.dump_traceback_later(timeout, exit=True)
     with tempfile.TemporaryDirectory() as folder, harness.strict():
         try:
             target.run(file.read_bytes(), Path(folder))
