@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from tests.mutants.faults import Fault, find_module, read_faults, read_sources, seed_fault
+from tests.mutants.__main__ import Fault, find_module, read_faults, read_sources, seed_fault
 from tests.repository import ROOT
 
 FAULTS = read_faults()
