@@ -7,40 +7,18 @@ An input that begins with a zero byte is taken for choices of the grammar, any o
 
 import contextlib
 import tempfile
-from collections.abc import Iterator, Mapping
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from raytracer.scene.json_schema import scene_schema
-from raytracer.scene.load import build
-from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.load import build, load
+from raytracer.scene.pack.scene import pack
 from raytracer.scene.warnings import find_warnings, warning_messages
 from raytracer.schema.yaml_parser import parse
 from raytracer.util.errors import InputError
+from tests.fuzz.harness import target
 from tests.fuzz.targets._grammar import Choices, Grammar, written
-
-DICTIONARY = tuple(
-    word.encode()
-    for word in (
-        *(
-            "camera:",
-            "film:",
-            "objects:",
-            "materials:",
-            "groups:",
-            "type: ",
-            "<<: *a",
-            "&a ",
-            "*a",
-            "!!python/name:",
-            "|-",
-        ),
-        *(".inf", ".nan", "1e308", "0x", "? ", "- ", "[[[[", "{a: ", "\r\n", "\ufeff", "---\n", "%YAML 1.1\n", "\\x1b"),
-    )
-)
 
 _PLAIN = """\
 camera: {type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40 deg, aperture: 10 mm, focus_distance: 4}
@@ -71,22 +49,6 @@ _ABSENT = (".threshold",)
 
 _MOST_INSTANCES = 20_000
 """Of a scene that is packed: more would take time without meeting anything new."""
-
-
-@cache
-def _folder() -> Path:
-    """Files that scenes may name."""
-    folder = Path(tempfile.mkdtemp(prefix="rt-fuzz-scene-"))
-    (folder / "mesh.obj").write_text(_OBJ)
-    (folder / "places.csv").write_text("x,y,z,scale\n0,0,0,1\n2,0,0,0.5\n")
-    np.save(folder / "grey.npy", np.full((2, 3, 3), 0.5, np.float32))
-    np.save(folder / "smoke.npy", np.ones((2, 2, 2), np.float32))
-    return folder
-
-
-@cache
-def _grammar() -> Grammar:
-    return Grammar(scene_schema(), _WORDS, _LIMITS)
 
 
 _BASES = (
@@ -146,30 +108,31 @@ objects: [{type: sphere, center: [0, 0, 0], radius: 0.1}]
 )
 
 
-@cache
-def _bases() -> list[Any]:
-    """Valid scenes as plain values."""
-    found = []
-    for text in _BASES:
-        build(text, "base.yaml", base=_folder())
-        root = parse(text, "base.yaml")
-        assert root is not None
-        found.append(root.plain())
-    return found
+def _folder():
+    """Files that scenes may name."""
+    folder = Path(tempfile.mkdtemp(prefix="rt-fuzz-scene-"))
+    (folder / "mesh.obj").write_text(_OBJ)
+    (folder / "places.csv").write_text("x,y,z,scale\n0,0,0,1\n2,0,0,0.5\n")
+    np.save(folder / "grey.npy", np.full((2, 3, 3), 0.5, np.float32))
+    np.save(folder / "smoke.npy", np.ones((2, 2, 2), np.float32))
+    return folder
 
 
-def text_of(data: bytes) -> str:
+# Made now, and not while an input is timed.
+FOLDER = _folder()
+_GRAMMAR = Grammar(scene_schema(), _WORDS, _LIMITS)
+_VALUES = [build(text, "base.yaml", base=FOLDER) and parse(text, "base.yaml").plain() for text in _BASES]
+
+
+def _chosen(data):
     """The scene that an input stands for, as YAML: one of the schema, or a valid one with a few changes."""
-    choices, grammar = Choices(data), _grammar()
+    choices = Choices(data)
     if choices.byte() % 16 == 0:
-        return written(grammar.value(choices))
-    values = choices.one_of(_bases())
-    for _ in range(1 + choices.byte() % 4):
-        values = grammar.changed(values, choices)
-    return written(values)
+        return written(_GRAMMAR.value(choices))
+    return written(_GRAMMAR.changed(choices.one_of(_VALUES), choices, 1 + choices.byte() % 4))
 
 
-def seeds() -> Iterator[bytes]:
+def _seeds():
     yield _PLAIN.encode()
     yield _PLAIN.replace("\n", "\r\n").encode("utf-8-sig")
     # Choices of which the first is no whole scene, the second a valid one, and the others change nothing that matters.
@@ -177,55 +140,41 @@ def seeds() -> Iterator[bytes]:
         for change in (b"", b"\x00\x02\x01\x01\x01\x01\x02\x03"):
             seed = bytes((0, 1, number)) + change
             with contextlib.suppress(InputError):
-                run(seed, _folder())
+                load_scene(seed, FOLDER)
                 yield seed
 
 
-def run(data: bytes, folder: Path) -> None:
-    if data[:1] == b"\0":
-        scene = build(text_of(data[1:]), "scene.yaml", base=_folder())
-    else:
-        from raytracer.scene.load import load
+_DICTIONARY = (
+    "camera:~film:~objects:~materials:~groups:~type: ~<<: *a~&a ~*a~!!python/name:~|-~.inf~.nan~1e308~0x~? ~- ~[[[[~"
+    "{a: ~\r\n~\ufeff~---\n~%YAML 1.1\n~\\x1b"
+)
 
+
+@target("scene", seeds=_seeds, words=_DICTIONARY)
+def load_scene(data, folder):
+    if data[:1] == b"\0":
+        scene = build(_chosen(data[1:]), "scene.yaml", base=FOLDER)
+    else:
         (folder / "scene.yaml").write_bytes(data)
         scene = load(folder / "scene.yaml")
-    if scene.film.width * scene.film.height > 2**20 or sum(map(_copies, scene.objects)) > _MOST_INSTANCES:
+    copies = sum(getattr(item, "count", None) or 1 for item in scene.objects)
+    if scene.film.width * scene.film.height > 2**20 or copies > _MOST_INSTANCES:
         return
     packed = pack(scene)
-    check(packed)
-    for sentence in warning_messages(find_warnings(packed)):
-        assert sentence.isprintable(), sentence
-
-
-def _copies(item: Any) -> int:
-    return getattr(item, "count", None) or 1
-
-
-def check(packed: PackedScene) -> None:
-    """Raise where a packed scene holds what is no number, or geometry that is not finite."""
     for name, value in _leaves(packed.scene, "scene"):
         assert name.endswith(_ABSENT) or not np.isnan(value).any(), f"{name} holds what is no number"
     for number, geometry in packed.objects.geometries.items():
         assert all(np.isfinite(vertices).all() for vertices in geometry.vertices), f"geometry {number}"
-    for placed in packed.objects.placements:
-        assert all(np.isfinite(poses).all() for poses in placed.poses)
+    assert all(np.isfinite(poses).all() for placed in packed.objects.placements for poses in placed.poses)
+    for sentence in warning_messages(find_warnings(packed)):
+        assert sentence.isprintable(), sentence
 
 
-def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
+def _leaves(value, name):
     """Numbers and arrays of them in named tuples, tuples and mappings."""
-    if isinstance(value, np.ndarray):
-        if value.dtype.kind == "f":
-            yield name, value
-    elif isinstance(value, float):
-        yield name, np.float64(value)
-    elif isinstance(value, Mapping):
-        for key, item in value.items():
-            yield from _leaves(item, f"{name}[{key}]")
-    elif isinstance(value, tuple):
-        fields = getattr(value, "_fields", range(len(value)))
-        for key, item in zip(fields, value, strict=True):
+    if isinstance(value, float | np.ndarray) and np.asarray(value).dtype.kind == "f":
+        yield name, value
+    elif isinstance(value, dict | tuple):
+        keys = getattr(value, "_fields", value if isinstance(value, dict) else range(len(value)))
+        for key, item in zip(keys, value.values() if isinstance(value, dict) else value, strict=True):
             yield from _leaves(item, f"{name}.{key}")
-
-
-# Made now, and not while an input is timed.
-_grammar()
