@@ -3,6 +3,8 @@
 import csv
 import io
 import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,8 @@ import pytest
 from raytracer.analysis.lens_design import paper, plots, text
 from raytracer.analysis.lens_design.page import page
 from raytracer.analysis.lens_design.performance.lens_study import study_lens
-from tests.analysis.lens_design.benches import QUICK, cylinder_pair, shipped
+from raytracer.report import chart as charts
+from tests.analysis.lens_design.benches import QUICK, cylinder_pair, plano_convex, shipped
 
 
 @pytest.fixture(scope="module")
@@ -178,3 +181,36 @@ def test_a_lens_with_cylinders_has_two_of_each_but_no_sums():
             assert f"\n{title}, in the plane of {meridian}\n" in said
         rows = {row[0]: row[1] for row in text.aberrations(found, meridian)}
         assert number(rows["distortion"]) == pytest.approx(distortion.percent[-1], rel=0.01)
+
+
+def test_every_chart_of_every_shipped_kind_can_be_drawn():
+    for lens in (plano_convex(), cylinder_pair()):
+        for group in plots.chart_groups(study_lens(lens, QUICK)):
+            keys = [chart.key for chart in group.charts]
+            assert len(set(keys)) == len(keys)
+            for chart in group.charts:
+                drawn = charts.render(chart)
+                assert ET.fromstring(str(drawn.picture)).get("aria-label") == chart.title
+                assert len(drawn.data["series"]) == (0 if chart.bare else len(chart.series))
+                assert len(chart.legend()) <= 8
+
+
+def test_texts_name_lines_as_they_are_drawn():
+    named = 0
+    for group in plots.chart_groups(study_lens(plano_convex(), QUICK)):
+        for look in re.findall(r"the (dotted|dashed|solid|grey|black) line", group.text):
+            named += 1
+            wanted = {"dotted": charts.DOTTED, "dashed": charts.DASHED}[look]
+            assert any(series.dashes == wanted for chart in group.charts for series in chart.series)
+    assert named
+
+
+def test_what_comes_from_outside_is_escaped_in_files(gauss):
+    lens, found = gauss
+    evil = '<script>"&'
+    written = paper.svg(replace(lens, name=evil), found).decode()
+    assert "<script>" not in written
+    assert "&lt;script&gt;" in written
+    (title, *_) = ET.fromstring(written).iter("{http://www.w3.org/2000/svg}title")
+    assert title.text is not None
+    assert title.text.startswith(evil)
