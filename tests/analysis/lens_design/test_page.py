@@ -104,11 +104,15 @@ def test_a_lens_with_cylinders_and_a_hostile_name_has_both_planes_on_its_page(tm
     evil = '</script><img src="http://example.org/x.png"><b>'
     lens = cylinder_pair()
     path = tmp_path / "cylinders.html"
-    path.write_bytes(page(lens, few(study_lens(lens, QUICK))._replace(name=evil, source=evil)))
+    found = study_lens(lens, QUICK)
+    path.write_bytes(page(lens, found._replace(name=evil, source=evil)))
     shown = open_page(path)
     assert shown.locator("h1").inner_text() == evil
     assert shown.locator("img").count() == 0
     assert shown.locator("#drawing .wide svg").count() == 2
+    keys = [chart.key for group in plots.chart_groups(found) for chart in group.charts]
+    assert sorted(shown.evaluate("Object.keys(data.charts)")) == sorted(set(keys)) == sorted(keys)
+    assert shown.locator("[data-chart] > svg").count() == len(keys)
     assert "First order, in the plane of x" in shown.locator("h2").all_inner_texts()
     assert shown.locator("#seidel-sums").count() == 0
 
@@ -181,18 +185,6 @@ def test_a_lens_with_cylinders_has_two_of_each_but_no_sums():
             assert f"\n{title}, in the plane of {meridian}\n" in said
         rows = {row[0]: row[1] for row in text.aberrations(found, meridian)}
         assert number(rows["distortion"]) == pytest.approx(distortion.percent[-1], rel=0.01)
-
-
-def test_every_chart_of_every_shipped_kind_can_be_drawn():
-    for lens in (plano_convex(), cylinder_pair()):
-        for group in plots.chart_groups(study_lens(lens, QUICK)):
-            keys = [chart.key for chart in group.charts]
-            assert len(set(keys)) == len(keys)
-            for chart in group.charts:
-                drawn = charts.render(chart)
-                assert ET.fromstring(str(drawn.picture)).get("aria-label") == chart.title
-                assert len(drawn.data["series"]) == (0 if chart.bare else len(chart.series))
-                assert len(chart.legend()) <= 8
 
 
 def test_texts_name_lines_as_they_are_drawn():
