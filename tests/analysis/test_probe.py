@@ -12,6 +12,7 @@ from raytracer.cli.base.app import main
 from raytracer.core.spectra import response, spectrum_of
 from raytracer.optics.glass import CATALOGUE
 from raytracer.scene.load import build
+from raytracer.util.errors import InputError
 
 HORIZON, ZENITH = (1.0, 0.9, 0.6), (0.2, 0.4, 1.0)
 
@@ -187,3 +188,29 @@ def test_an_interrupted_probe_tells_nothing(spec):
 
     with pytest.raises(KeyboardInterrupt):
         probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, -1.0), spp=2**24, progress=interrupt)
+
+
+@pytest.mark.parametrize("direction", [(0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (1e-9, 1.0, 0.0)])
+def test_every_direction_can_be_looked_in(spec, direction):
+    found = probe(spec, (0.0, 5.0, 0.0) if direction[1] > 0 else (30.0, 5.0, 0.0), direction=direction, spp=64)
+    np.testing.assert_allclose(found.radiance, gradient(direction)[...], rtol=1e-12)
+
+
+def test_a_point_on_the_way_and_a_direction_are_the_same(spec):
+    one, other = (
+        measured(spec, toward=(0.0, -5.0, 0.0), spp=4096),
+        measured(spec, direction=(0.0, -1.0, -1.0), spp=4096),
+    )
+    np.testing.assert_allclose(one.radiance, other.radiance, rtol=1e-12)
+    assert one.samples == 4096
+
+
+def test_python_refuses_what_is_no_ray(spec):
+    with pytest.raises(InputError, match="either a point to look toward, or a direction"):
+        probe(spec, (0.0, 0.0, 5.0))
+    with pytest.raises(InputError, match="spp must be an integer"):
+        probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, 1.0), spp=0)
+    with pytest.raises(InputError, match="at must be three numbers"):
+        probe(spec, (0.0, 0.0), direction=(0.0, 0.0, 1.0))
+    with pytest.raises(InputError, match="toward must be three numbers, got 'lamp'"):
+        probe(spec, (0.0, 0.0, 5.0), toward="lamp")

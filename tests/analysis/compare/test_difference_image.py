@@ -11,7 +11,7 @@ import pytest
 
 from raytracer.analysis import compare as comparison
 from raytracer.analysis.compare import compare, encode, show
-from raytracer.analysis.compare.difference_image import WipePage
+from raytracer.analysis.compare.difference_image import WipePage, pack_halves
 from raytracer.film import srgb
 from raytracer.film.image import Image
 from raytracer.report.colour_maps import false_colour, false_colours, signed, signed_colours
@@ -202,6 +202,7 @@ def test_a_page_of_many_pairs_turns_to_each(tmp_path, open_page):
     choose(page)
     assert seen(page, "left")[3, 3].tolist() == [50, 50, 50]
     assert page.is_disabled("#previous")
+    assert page.is_hidden("#exposures")
     page.click("#next")
     page.wait_for_function("() => find('[data-metric=mae]').textContent.startsWith('0.549')")
     page.wait_for_timeout(100)
@@ -220,3 +221,16 @@ def test_large_images_are_sent_as_a_display_shows_them(monkeypatch, pair):
     assert sent["scale"]["absolute"] == pytest.approx(
         np.abs(np.subtract(*(srgb.to_uint8(picture.values) / 255 for picture in pair.pictures))).max()
     )
+
+
+def test_halves_are_the_values_to_a_part_in_256():
+    rng = np.random.default_rng(2)
+    values = np.concatenate([rng.lognormal(0, 3, 300), -rng.lognormal(0, 3, 297), [0.0, 65504.0, 1e9]]).reshape(
+        20, 10, 3
+    )
+    found = pack_halves(values).astype(np.uint16)
+    read = (found[:20] << 8 | found[20:]).view(np.float16).astype(np.float64)
+    np.testing.assert_allclose(read, np.clip(values, -65504, 65504), rtol=2**-8 + 2**-11, atol=2**-17)
+    assert np.isfinite(read).all()
+    broken = pack_halves(np.full((1, 1, 3), np.nan)).astype(np.uint16)
+    assert np.isnan((broken[:1] << 8 | broken[1:]).view(np.float16)).all()

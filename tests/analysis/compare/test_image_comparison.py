@@ -145,6 +145,10 @@ def test_pixels_that_are_not_finite_are_counted_named_and_left_out():
     assert "2 pixels of A and 2 pixels of B, the first at x = 7, y = 5" in found.text()
     assert found.passed is None
     assert compare(a, b, metrics=["mae"], fail_above={"mae": 1}).passed is False
+    broken = render(1)
+    broken.radiance[3, 4] = np.nan
+    found = compare(broken, render(2), metrics=QUICK)
+    assert found.failures == ("not finite: 1 pixel of A, the first at x = 4, y = 3",)
 
 
 def test_of_no_finite_pixel_nothing_is_known():
@@ -152,6 +156,7 @@ def test_of_no_finite_pixel_nothing_is_known():
     found = compare(a, b, metrics=[*QUICK, "ssim", "flip"])
     assert all(np.isnan(value) for value in found.metrics.values())
     assert compare(a, b, fail_below={"ssim": 0.1}, metrics=["ssim"]).failures[0].startswith("SSIM is nan")
+    assert compare(a, a, fail_above={"mae": 1e9}, metrics=["mae"]).passed is False
 
 
 @pytest.mark.parametrize("height", [24, 200])
@@ -294,3 +299,27 @@ def test_folders_that_are_alike_pass_or_were_asked_nothing(folders, tmp_path):
     ):
         with pytest.raises(InputError, match=words):
             comparison.compare_folders(first, second)
+
+
+def test_json_holds_everything_and_no_number_that_it_cannot():
+    a = render(1)
+    found = compare(a, a, names=("first", "second"))
+    data = json.loads(json.dumps(found.json(), allow_nan=False))
+    assert data["a"] == "first"
+    assert data["metrics"]["psnr"] == {"value": "inf", "domain": "display"}
+    assert data["metrics"]["mae"] == {"value": 0.0, "domain": "linear"}
+    assert data["passed"] is True
+    assert data["z_test"]["passed"] is True
+    assert data["not_finite"] == {"a": 0, "b": 0, "first": None}
+
+
+def test_an_exr_file_of_one_channel_is_grey(tmp_path):
+    import OpenEXR
+
+    grey = np.linspace(0, 1, 20, dtype=np.float32).reshape(4, 5)
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"Y": grey}).write(str(tmp_path / "a.exr"))
+    found = compare(tmp_path / "a.exr", np.repeat(grey[..., None], 3, axis=2), metrics=["mae"])
+    assert found.metrics["mae"] == 0.0
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"depth": grey}).write(str(tmp_path / "b.exr"))
+    with pytest.raises(InputError, match="neither channels R, G and B nor Y"):
+        compare(tmp_path / "b.exr", tmp_path / "a.exr")

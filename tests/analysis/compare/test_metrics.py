@@ -2,13 +2,15 @@
 
 import functools
 import math
+import time
 
 import numpy as np
 import pytest
 from skimage import metrics as peer
 
 from raytracer.analysis import compare
-from raytracer.analysis.compare.metrics import flip_package, require_extra, sums
+from raytracer.analysis.compare.image_pair import map_row_bands
+from raytracer.analysis.compare.metrics import exposures, flip_package, require_extra, sums
 from raytracer.util.errors import InputError
 
 # Higher than a band of rows, and with a last band that is not full.
@@ -114,3 +116,28 @@ def test_a_missing_extra_is_named(monkeypatch):
         require_extra("flip")
     with pytest.raises(InputError, match="ssim needs scikit-image"):
         compare.ssim(np.ones((12, 12, 3)), np.ones((12, 12, 3)))
+
+
+@pytest.mark.parametrize("scale", [2.4e-7, 1.0, 1e37])
+def test_flip_of_any_brightness_that_is_not_black_is_measured(scale, linear):
+    a, b = (image[:8, :8] for image in linear)
+    scale /= (b @ [0.2126, 0.7152, 0.0722]).max()
+    assert 0.0 < compare.flip(a * scale, b * scale, "linear") <= 1.0
+
+
+def test_exposures_are_as_many_as_the_package_takes(linear):
+    rng = np.random.default_rng(3)
+    for scale in (0.1, 1.0, 3.0):
+        reference = rng.lognormal(0.0, scale, (9, 15, 3))
+        _, _, used = flip_package().evaluate(
+            reference.astype(np.float32), reference.astype(np.float32), "HDR", applyMagma=False
+        )
+        assert exposures(reference) == used["numExposures"]
+
+
+def test_bands_are_kept_in_order_and_cover_everything():
+    def slow_first(top, bottom):
+        time.sleep(0.02 if top == 0 else 0.0)
+        return top, bottom
+
+    assert map_row_bands(slow_first, 10, 4) == [(0, 4), (4, 8), (8, 10)]

@@ -10,7 +10,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.ndimage import shift as shifted
 
-from raytracer.analysis.compare import compare, z_test
+from raytracer.analysis.compare import compare, patterns, z_test
 from raytracer.analysis.compare.image_pair import make_image_pair
 from raytracer.analysis.compare.patterns import PATTERNS, POWER, find_structure, symmetric_tail
 from raytracer.film.image import Image
@@ -157,3 +157,34 @@ def test_a_pass_says_what_would_have_been_found():
     assert told["p"].keys() == {"mean", "tile", "pixel", "exceeding", "pattern", "pattern_tile", "neighbour", "squares"}
     # Where the noise is taken from the variances, it takes twice as much.
     assert compared().verdict.limits.brightness > 1.5 * found.verdict.limits.brightness
+
+
+def test_bands_of_rows_are_one_picture(monkeypatch):
+    rng = np.random.default_rng(8)
+    scene = smooth_scene(150, 20)
+    pair = make_image_pair(*render(rng, scene), *render(rng, scene))
+    several = find_structure(pair, 1.0, alike=True, tile=16)
+    monkeypatch.setattr(patterns, "ROWS", 1024)
+    one = find_structure(pair, 1.0, alike=True, tile=16)
+    for first, second in ((several.whole, one.whole), (several.tiles, one.tiles)):
+        for values, expected in zip(first, second, strict=True):
+            np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(several.neighbour_z, one.neighbour_z, rtol=1e-9)
+    assert several.squares_z == pytest.approx(one.squares_z)
+
+
+def test_a_sky_without_noise_hides_nothing_below_it():
+    rng = np.random.default_rng(10)
+    b, variance = render(rng, SCENE)
+    a, _ = render(rng, CHANGES["shift_x"][0](SCENE))
+    for values in (a, b, variance):
+        values[:30] = 1.0 if values is not variance else 0.0
+    verdict = z_test(a, variance, b, variance, alike=True)
+    assert "shifted to the right" in " ".join(verdict.findings)
+
+
+def test_the_hint_at_other_samples_is_given_where_it_is_true():
+    assert "0.2" in compared(spp=64).notes[1]
+    assert "found with `render.sampler: independent`" in compared(spp=64).notes[1]
+    assert "with the same sampler and `--spp` in both" in compared().notes[1]
+    assert len(compared(spp=64, sampler="independent").notes) == 1

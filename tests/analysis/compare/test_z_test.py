@@ -224,3 +224,15 @@ def test_what_cannot_be_compared():
     ):
         with pytest.raises(InputError, match=words):
             compare.z_test(a, variance, b, b)
+
+
+def test_a_bias_fails_once_the_noise_of_the_mean_permits(scene):
+    # 1 % of the mean is k standard deviations at spp samples; beyond 3.7 + 3 of them it is found 999 times of 1000.
+    rng = np.random.default_rng(6)
+    for spp in (4, 16, 64, 256, 1024, 4096):
+        a, var_a = quick_render(rng, scene * 1.01, spp=spp)
+        b, var_b = quick_render(rng, scene, spp=spp)
+        k = (0.01 * scene.mean(axis=(0, 1)) / np.sqrt((var_a + var_b).sum(axis=(0, 1)) / (HEIGHT * WIDTH) ** 2)).max()
+        verdict = compare.z_test(a, var_a, b, var_b)
+        assert not verdict.passed or k < 6.7
+        assert verdict.mean_z.max() == pytest.approx(k, abs=4)

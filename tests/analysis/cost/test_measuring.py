@@ -7,7 +7,8 @@ import pytest
 
 from raytracer.analysis.cost.bench import Purpose, Subject, seeds
 from raytracer.analysis.cost.compare import _differs, is_steady
-from raytracer.analysis.cost.rounds import prepare_variant
+from raytracer.analysis.cost.measure_scene import warm_up
+from raytracer.analysis.cost.rounds import prepare_variant, variant_order
 from raytracer.analysis.cost.study import plan
 from raytracer.analysis.cost.tile_sample import (
     TileSample,
@@ -16,6 +17,7 @@ from raytracer.analysis.cost.tile_sample import (
     inclusion_probabilities,
     replicate_workload,
     round_workload,
+    sample_levels,
 )
 from raytracer.analysis.cost.variants import make_variants
 from raytracer.core.error_estimate.intervals import Interval
@@ -26,7 +28,7 @@ from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack
 from raytracer.scene.render_settings import Render
 from raytracer.scene.scene_assets import SceneAssets
-from tests.analysis.cost.made_up import World
+from tests.analysis.cost.made_up import World, scene_of
 
 LARGE = split_into_tiles(Window(0, 0, 1200, 675))
 SMALL = split_into_tiles(Window(0, 0, 64, 48))
@@ -205,3 +207,38 @@ def test_every_setting_is_told_with_its_value():
     assert settings["film"].startswith("600 x 600 pixels")
     assert settings["filter"].startswith("box: ")
     assert not any("{" in why for why in settings.values())
+
+
+def test_a_number_of_tiles_that_is_given_is_kept():
+    assert replicate_workload(LARGE, 60.0, 1e6, 7).tiles == 7
+    assert replicate_workload(SMALL, 60.0, 1e6, 10**6).tiles == len(SMALL)
+    assert round_workload(LARGE, 1.0, 1e9, 7, 90).tiles == 7
+
+
+def test_levels_are_powers_of_two_or_of_four():
+    assert sample_levels(256, is_progressive=True) == (16, 32, 64, 128, 256)
+    assert sample_levels(256, is_progressive=False) == (16, 64, 256)
+    assert sample_levels(16, is_progressive=True) == (8, 16)
+
+
+def test_every_variant_is_at_every_place_once():
+    square = np.array([variant_order(7, turn) for turn in range(7)])
+    for line in (*square, *square.T):
+        assert sorted(line) == list(range(7))
+
+
+def test_the_pace_is_that_of_the_whole_picture(tmp_path):
+    world = World(per_sample=1e-5)
+    spec = scene_of(tmp_path, 640, 400)
+    windows = split_into_tiles(Window(0, 0, 640, 400))
+    subject = Subject(world.prepare(spec, None), world.bench(), 4)  # type: ignore[arg-type]
+    assert warm_up(subject, windows, 0) == pytest.approx(4e5 / world.unevenness(windows).mean(), rel=0.1)
+    # The first look takes no longer than a look.
+    assert sum(count * spp for count, spp, _ in world.calls) * 256 / 4e5 < 3.0
+
+
+def test_what_is_in_proportion_to_size_is_known_without_error():
+    size = np.random.default_rng(3).exponential(size=len(WINDOWS)) + 0.1
+    place = {window: number for number, window in enumerate(WINDOWS)}
+    chosen = choose_tiles(WINDOWS, 25, np.random.default_rng(4), size)
+    assert chosen.weight @ size[[place[window] for window in chosen.windows]] == pytest.approx(size.sum())

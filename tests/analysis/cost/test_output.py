@@ -8,6 +8,9 @@ import io
 import json
 import math
 import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -17,9 +20,9 @@ import pytest
 from PIL import Image
 
 from raytracer.analysis.cost import formatting, plots
-from raytracer.analysis.cost.export import to_csv, to_json
+from raytracer.analysis.cost.export import convergence_csv, to_csv, to_json
 from raytracer.analysis.cost.page import check_report, page, write_report
-from raytracer.analysis.cost.results import UNKNOWN, PlanItem
+from raytracer.analysis.cost.results import UNKNOWN, ConvergencePoint, PlanItem
 from raytracer.analysis.cost.text import study_text
 from raytracer.core.error_estimate.intervals import Interval
 from raytracer.util.errors import InputError, OutputError
@@ -94,7 +97,7 @@ def test_doubts_and_other_samples_stand_beside_what_they_are_about():
     doubt = "its bias may exceed the target"
     study = studies.nothing()
     study = replace(study, variants=(scene, control, replace(defocus, spp=16, target_seconds=20.0, why_blank=doubt)))
-    study = replace(study, interrupted=True, rounds=3, plan=(PlanItem("left out", "shape.box", "used by nothing"),))
+    study = replace(study, plan=(PlanItem("left out", "shape.box", "used by nothing"),))
     said = study_text(study, width=200)
     assert "4.64 % (4.50 .. 4.78) at 64 spp" in said
     assert "4.21 % (4.08 .. 4.34) at 16 spp" in said
@@ -102,7 +105,7 @@ def test_doubts_and_other_samples_stand_beside_what_they_are_about():
     assert f"  [1]  {doubt}\n" in said
     assert "used by nothing" not in said
     shown = page(study).decode()
-    for words in (doubt, "nterrupted after 3 rounds, of which this tells.", "used by nothing"):
+    for words in (doubt, "used by nothing"):
         assert words in shown
 
 
@@ -135,6 +138,7 @@ def test_json_keeps_numbers_and_has_null_for_what_is_unknown():
     assert data["arms"][2]["target_seconds"] is None
     assert data["arms"][4]["per_sample"] == {"value": None, "low": None, "high": None}
     assert data["machine"] == {"threads": 4, "load": None, "loads": [1.0, None], "path": "a"}
+    assert type(data["machine"]["threads"]) is int
     assert to_json(studies.hopeless())["prediction"]["target_seconds"]["value"] is None
 
 
@@ -207,6 +211,7 @@ def test_the_page_is_whole_and_asks_nothing_of_the_network(name):
     # Names of XML vocabularies are all that looks like an address.
     addresses = set(re.findall(r"https?://[^\s\"'<]*", whole))
     assert addresses <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
+    assert not re.search(r"<(iframe|object|base|form)\b|<[^>]*\s(on\w+|srcset|action|poster|data)=", whole)
     body = re.sub(r"<(svg|script|style)\b.*?</\1>", "", whole, flags=re.DOTALL)
     tags = Counter(re.findall(r"<(/?[a-z]\w*)", body))
     for tag in {tag for tag in tags if tag[0] != "/"} - {"meta", "br", "img", "link", "input", "hr", "html", "body"}:
@@ -219,6 +224,8 @@ def test_the_page_is_whole_and_asks_nothing_of_the_network(name):
     if name == "usual":
         assert html.unescape(re.sub(r"<[^>]*>", "", body)).count(studies.EVIL) == 7
         assert whole.count("currentColor") > 50
+        assert "#010203" not in whole
+        assert "prefers-color-scheme: dark" in whole
 
 
 def test_the_page_carries_its_data():
@@ -256,3 +263,78 @@ def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path):
             check_report(tmp_path / name)
     with pytest.raises(OutputError):
         write_report(studies.nothing(), tmp_path / "file" / "deeper")
+
+
+def test_variants_keep_their_order_within_groups():
+    found = [
+        (title, [variant.name for variant in variants])
+        for title, variants in formatting.group_variants(studies.variants())
+    ]
+    assert found == [
+        ("", ["scene", "A/A"]),
+        ("without", ["defocus", f"material {studies.EVIL}", "media"]),
+        ("with", ["accuracy=fast", "max_depth=4", "roulette"]),
+        ("with another sampler", ["sampler=independent"]),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("interrupted", "rounds", "said"),
+    [
+        (False, 9, "9 rounds, each of all variants in turn"),
+        (True, 3, "interrupted after 3 rounds, of which this tells"),
+        (True, 1, "interrupted after 1 round, of which this tells"),
+        (True, 0, "interrupted before the first round of the variants"),
+    ],
+)
+def test_rounds(interrupted, rounds, said):
+    found = studies.study(variants=studies.variants() if rounds else (), interrupted=interrupted, rounds=rounds)
+    assert said in study_text(found).splitlines()
+    shown = page(replace(found, error_map=np.full((1, 1), NAN), prediction=studies.NO_PREDICTION))
+    assert f"{said[1:]}." in shown.decode()
+
+
+def test_csv_of_the_plot():
+    table = np.genfromtxt(io.StringIO(convergence_csv(studies.study())), delimiter=",", names=True)
+    np.testing.assert_array_equal(table["spp"], [16, 64, 256])
+    np.testing.assert_array_equal(table["error"], [point.error.value for point in studies.predicted().points])
+
+
+@pytest.mark.parametrize(
+    ("points", "target"),
+    [
+        ((ConvergencePoint(16, 0.5, Interval(0.1, NAN, NAN)), ConvergencePoint(64, 1.0, UNKNOWN)), UNKNOWN),
+        (
+            (ConvergencePoint(16, 0.5, Interval(0.1, 0.0, INF)), ConvergencePoint(64, 1.0, Interval(0.05, 0.06, 0.07))),
+            Interval(5.0, NAN, INF),
+        ),
+        (
+            (ConvergencePoint(16, 0.5, Interval(1e-9, 1e-9, 2e-9)), ConvergencePoint(64, 1e6, Interval(1e3, 1e3, 1e3))),
+            Interval(1e30, 1e29, 1e31),
+        ),
+    ],
+    ids=["unknown", "senseless", "wide"],
+)
+def test_plots_take_any_intervals(points, target):
+    study = studies.study(prediction=studies.predicted(points=points, target_seconds=target))
+    assert ET.fromstring(plots.convergence_svg(study)).tag.endswith("svg")
+
+
+def test_the_picture_is_transparent_where_nothing_was_rendered():
+    study = studies.study()
+    png = plots.picture_png(study)
+    assert png is not None
+    with Image.open(io.BytesIO(png)) as image:
+        pixels = np.asarray(image)
+    np.testing.assert_array_equal(pixels[..., 3] == 255, np.isfinite(study.picture[..., 0]))
+    assert pixels[pixels[..., 3] == 255][:, :3].max() == 255
+    assert plots.picture_png(studies.nothing()) is None
+
+
+def test_text_and_data_import_nothing_of_pages():
+    code = (
+        "import sys, raytracer.analysis.cost.text, raytracer.analysis.cost.export; "
+        "print({'matplotlib', 'jinja2'} & set(sys.modules))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "set()"

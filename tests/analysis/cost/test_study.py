@@ -116,17 +116,17 @@ def test_equal_variants_show_no_difference_and_a_planted_one_its_size(spec):
         noisier=lambda prepared: 0.5 if is_short(prepared) else 1.0,
         brighter=lambda prepared: 0.98 if is_short(prepared) else 1.0,
     )
-    found = studied(spec, world, variants=["accuracy=fast", "max_depth=2", "roulette=off"], target=0.03)
-    names = ["scene", "A/A", "accuracy=fast", "max_depth=2", "roulette=off"]
-    scene, control, slow, short, same = (variant(found, name) for name in names)
-    assert [row.name for row in found.variants[:2]] == names[:2]
+    names = ["scene", "A/A", "accuracy=fast", "roulette=off", "max_depth=2"]
+    found = studied(spec, world, variants=names[:1:-1], target=0.03)
+    scene, control, slow, same, short = (variant(found, name) for name in names)
+    assert [row.name for row in found.variants] == names
     assert found.rounds == 9
     # The scene's row is the prediction.
     assert scene.target_seconds == found.prediction.target_seconds.value
     assert scene.noise.value == pytest.approx(found.prediction.error(scene.spp))
     told = {row.name: (row.time_differs, row.noise_differs, row.bias_resolved) for row in found.variants[1:]}
     nothing = (False, False, False)
-    assert told == dict(zip(names[1:], [nothing, (True, False, False), (False, True, True), nothing], strict=True))
+    assert told == dict(zip(names[1:], [nothing, (True, False, False), nothing, (False, True, True)], strict=True))
     # The control has random numbers of its own; roulette has no bias by construction, so none is measured.
     assert control.bias.high < 0.01
     assert control.noise_ratio.low < control.noise_ratio.value < control.noise_ratio.high
@@ -244,7 +244,7 @@ def test_a_picture_without_noise_takes_one_sample(spec):
     assert found.variants[2].target_spp == 1.0
 
 
-@pytest.mark.parametrize(("width", "height"), [(16, 16), (5, 40)])
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (16, 16), (5, 40)])
 def test_small_pictures(tmp_path, width, height):
     found = studied(scene_of(tmp_path, width, height), World(), variants=["defocus"])
     assert found.tiles == -(-width // 16) * -(-height // 16)
@@ -281,6 +281,7 @@ def test_an_interrupt_leaves_what_there_is(spec):
     ("world", "options", "what", "value", "words"),
     [
         (World(), {"budget": 0.2, "load_seconds": 1.0}, "budget_spp", 0.0, "budget"),
+        (World(), {"budget": 0.2, "load_seconds": 1.0}, "budget_error", math.inf, "budget"),
         (World(), {"target": 1e-4}, "target_spp", 0.13 / 1e-8, "times as many samples as were measured"),
         (World(bad=2), {}, "target_spp", 1323.0, "8 samples were not finite"),
     ],
@@ -312,3 +313,111 @@ def test_questions_without_sense_are_refused_before_the_work(spec, options, word
     with pytest.raises(InputError, match=words.replace("?", r"\?")):
         studied(spec, world, **options)
     assert world.calls == []
+
+
+def test_where_noise_is_rare_most_tiles_are_measured_where_it_is(tmp_path):
+    class Spot(World):
+        def unevenness(self, windows):
+            return np.array([40.0 if w.left < 64 and w.top < 64 else 0.6 for w in windows])
+
+    spec, world = scene_of(tmp_path, 640, 640), Spot(per_sample=3e-6)
+    found = studied(spec, world, variants=[], tiles=100)
+    measured = np.isfinite(found.error_map)
+    assert measured[:64, :64].all()
+    # A tenth of the tiles would hold one or two of the sixteen that matter.
+    mean = (16 * 40.0 + (1600 - 16) * 0.6) / 1600
+    assert found.prediction.points[-1].error.value == pytest.approx(
+        math.sqrt(mean * world.mse(found.prediction.points[-1].spp)), rel=0.03
+    )
+
+
+def test_no_number_of_samples_reaches_a_target_below_the_bias(spec):
+    world = World(brighter=lambda prepared: 0.95 if is_short(prepared) else 1.0)
+    row = variant(studied(spec, world, variants=["max_depth=2"]), "max_depth=2")
+    assert row.target_spp is None
+    assert row.target_seconds is None
+    assert "bias" in row.why_blank
+
+
+def test_brightness_is_certain_where_all_tiles_are_measured(spec):
+    class Lit(World):
+        """As much brighter in some tiles as darker in others."""
+
+        def render(self, prepared, windows, *more):
+            patch = super().render(prepared, windows, *more)
+            if not is_short(prepared):
+                return patch
+            factors = np.array([0.5 if (w.left // 16 + w.top // 16) % 2 else 1.5 for w in windows])
+            return patch._replace(mean=patch.mean * factors[:, None, None, None])
+
+    row = variant(studied(spec, Lit(), variants=["max_depth=2"]), "max_depth=2")
+    assert row.brightness is not None
+    assert row.brightness.low <= 0.0 <= row.brightness.high
+    assert row.brightness.high - row.brightness.low < 0.02
+
+
+def test_all_variants_of_a_round_have_one_seed_and_the_control_another(spec):
+    world = World()
+    found = studied(spec, world, variants=["defocus"])
+    last = world.calls[-27:-18]
+    assert {spp for _, spp, _ in last} == {found.variants[0].spp}
+    in_rounds = [[seed for _, _, seed in last[3 * r : 3 * r + 3]] for r in range(3)]
+    # Scene, control, variant; then each a place earlier.
+    assert in_rounds[0][0] == in_rounds[0][2] != in_rounds[0][1]
+    assert in_rounds[1][2] == in_rounds[1][1] != in_rounds[1][0]
+    assert in_rounds[2][0] == in_rounds[2][1] != in_rounds[2][2]
+    assert len({seed for row in in_rounds for seed in row}) == 6
+
+
+def test_the_same_seed_finds_the_same(spec):
+    first, again, other = (studied(spec, World(), variants=["defocus"], seed=seed) for seed in (3, 3, 4))
+    assert first.prediction.points[0].error == again.prediction.points[0].error
+    assert first.variants[2].noise == again.variants[2].noise
+    assert first.prediction.points[0].error != other.prediction.points[0].error
+
+
+def test_levels_that_missed_a_light_do_not_make_the_target_cheap(spec):
+    world = Lamp()
+    world.first = 64
+    found = studied(spec, world, variants=["sampler=independent"])
+    assert found.prediction.points[0].error.value == 0.0
+    for guess in (found.prediction.target_spp.value, found.prediction.power_spp, found.prediction.plain_spp):
+        assert guess == pytest.approx(1323.0, rel=0.15)
+    assert found.prediction.target_spp.low > 1000.0
+    assert variant(found, "sampler=independent").target_spp == pytest.approx(1323.0, rel=0.25)
+
+
+def test_a_noisy_variant_of_a_scene_without_noise(spec):
+    class Lens(World):
+        def mse(self, spp):
+            return 0.0 if self.sharp else 0.01 / spp
+
+        def render(self, prepared, *more):
+            self.sharp = prepared.scene.depth != 2
+            return super().render(prepared, *more)
+
+    row = variant(studied(spec, Lens(), variants=["max_depth=2"]), "max_depth=2")
+    assert row.noise.value == pytest.approx(math.sqrt(0.01 / row.spp), rel=0.05)
+    assert row.target_spp == pytest.approx(100.0, rel=0.1)
+
+
+def test_a_slow_scene_is_measured_on_few_tiles_and_says_so(tmp_path):
+    # 1000 samples a second: a sample in every pixel takes four minutes.
+    world = World(per_sample=2e-3, linear=1.0)
+    found = studied(scene_of(tmp_path, 640, 400), world, variants=["defocus"])
+    spent = sum(tiles * spp for tiles, spp, _ in world.calls) * 256 * 2e-3 / 2
+    assert found.tiles_measured < 16
+    assert any("tiles were measured" in warning for warning in found.warnings)
+    # A minute for the prediction, and what little tells anything of a variant.
+    assert spent < 4 * 60
+
+
+def test_progress_goes_from_phase_to_phase(spec):
+    seen = []
+    studied(spec, World(), variants=["defocus"], progress=seen.append)
+    phases = list(dict.fromkeys(progress.phase for progress in seen))
+    assert phases == ["pack", "plan", "prepare", "warm up", "predict", "develop", "compile variants", "compare"]
+    for phase in ("predict", "compile variants", "compare"):
+        fractions = [progress.fraction for progress in seen if progress.phase == phase]
+        assert fractions == sorted(fractions)
+        assert fractions[-1] == pytest.approx(1.0)

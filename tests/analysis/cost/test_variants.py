@@ -11,7 +11,11 @@ from raytracer.analysis.cost.removals import in_all_materials
 from raytracer.analysis.cost.variants import REPEAT, make_variants, reasons_without_variant
 from raytracer.core.fresnel import REC709_LUMINANCE
 from raytracer.core.motion.resolve import matrix_at
+from raytracer.film.window import Window
 from raytracer.plugins.lights.background import Background
+from raytracer.rendering.compilation import compile_scene
+from raytracer.rendering.tile_renderer import render_tiles
+from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.effects import effects_of
 from raytracer.scene.load import build, load
 from raytracer.scene.pack.scene import pack
@@ -476,3 +480,53 @@ def test_what_goes_with_a_material_goes_from_the_packed_scene():
     assert len(scene.textures) == 1
     boundary = of("{type: boundary}")
     assert {"material.boundary", "passage"} <= set(reasons_without_variant(boundary, pack(boundary)))
+
+
+@pytest.mark.slow
+def test_what_is_the_same_picture_is():
+    # A ball in the light of a sky: what differs is noise, of four independent pictures of each.
+    spec = build(text(film="{width: 16, height: 16}", environment="{type: sky}", render="{spp: 128}"), "test.yaml")
+    scene = compile_scene(spec)
+    windows = split_into_tiles(Window(0, 0, 16, 16))
+
+    def means(prepared, seed):
+        return np.array([render_tiles(prepared, windows, 128, seed + i, 2).mean.mean() for i in range(4)])
+
+    expected = means(scene, 0)
+    for variant in make_variants(scene.spec, scene.packed):
+        if variant.name in ("environment_sampling", "sampler=independent", "roulette=on", "roulette=off"):
+            changed = compile_scene(scene.spec, variant.pack(scene.spec))
+            found = means(changed._replace(scene=variant.packed_variant(changed.scene)), 100)
+            deviation = np.sqrt((found.var(ddof=1) + expected.var(ddof=1)) / 4.0)
+            assert abs(found.mean() - expected.mean()) < 5.0 * deviation
+            assert deviation < 0.01 * expected.mean()
+
+
+def test_a_shaking_camera_is_held_and_has_no_second_variant():
+    spec = small(camera="{type: pinhole, shutter: 1/10 s, shake: {amplitude: 0.1, bandwidth: 10}}")
+    _, scene = without(spec, "camera_shake")
+    assert scene.shutter is None
+    assert "camera_shake" in reasons_without_variant(spec, pack(spec))["motion_blur"]
+
+
+def test_paths_are_offered_where_they_find_all_light():
+    def offered(**parts):
+        spec = small(**parts)
+        return {item.name for item in make_variants(spec, pack(spec)) if item.name.startswith("light_sampling")}
+
+    both = {"light_sampling=lights", "light_sampling=paths"}
+    assert offered() == set()
+    assert offered(environment="{type: sky}") == both
+    assert offered(lights="[{type: point, position: [0, 2, 0], intensity: 1}]") == {"light_sampling=lights"}
+    aimless = offered(environment="{type: sky}", render="{light_sampling: paths}")
+    assert aimless == {"light_sampling=mis", "light_sampling=lights"}
+
+
+def test_materials_of_a_files_own_are_replaced_too():
+    spec, packed = of_file(SCENES / "studio.yaml")
+    (variant,) = [item for item in make_variants(spec, packed) if item.name == "material.principled"]
+    radio = spec.model_copy(update={"objects": tuple(item for item in spec.objects if item.name == "radio")})
+    kinds = {type(table).__module__ for table in pack(radio).scene.materials}
+    assert "raytracer.plugins.materials.principled" in kinds
+    after = {type(table).__module__ for table in variant.pack(radio).scene.materials}
+    assert after == {"raytracer.plugins.materials.lambertian"}

@@ -10,6 +10,7 @@ from docs.make_scenes import nested_mappings
 from raytracer.analysis.explain import Circle, explain, parse_circle
 from raytracer.cli.base.app import main
 from raytracer.core.motion.trajectory import row_at
+from raytracer.kernel.path_tracer import render_tile
 from raytracer.plugins.cameras.pinhole import Pinhole
 from raytracer.scene.json_schema import properties_of, scene_schema
 from raytracer.scene.load import load
@@ -50,6 +51,7 @@ def near(value, error):
 
 C = math.hypot(36.0, 24.0) / 1500.0
 """The circle (mm) that counts as sharp."""
+X = 1.4 * C * 1950.0
 
 
 LONG = f"{PINHOLE}focal_length: 200 mm, diameter: 6 mm"
@@ -77,8 +79,14 @@ WEEKEND = "type: thin_lens, vfov: 20, focus_distance: 10, defocus_angle: 0.6"
         (f"{PINHOLE}focal_length: 200 mm", "near_limit_m", None),
         # s f^2 / (f^2 -+ N c (s - f)) and f^2 / (N c) + f, in mm.
         (FAST, "circle_mm", near(C, 1e-12)),
-        (FAST, "near_limit_m", near(2.0 * 2500.0 / (2500.0 + 1.4 * C * 1950.0), 1e-9)),
-        (FAST, "far_limit_m", near(2.0 * 2500.0 / (2500.0 - 1.4 * C * 1950.0), 1e-9)),
+        (FAST, "circle_px", near(math.hypot(1500.0, 1000.0) / 1500.0, 1e-12)),
+        (
+            FAST,
+            "depth_of_field_m",
+            near(1e4 * X / (2500.0**2 - X**2), 1e-9),
+        ),
+        (FAST, "near_limit_m", near(2.0 * 2500.0 / (2500.0 + X), 1e-9)),
+        (FAST, "far_limit_m", near(2.0 * 2500.0 / (2500.0 - X), 1e-9)),
         (FAST, "hyperfocal_m", near(1e-3 * (2500.0 / (1.4 * C) + 50.0), 1e-9)),
         (f"{THIN}focal_length: 28 mm, f_number: 11, focus_distance: 2.5", "far_limit_m", math.inf),
         (WEEKEND, "aperture_diameter_mm", near(104.720, 1e-3)),
@@ -96,6 +104,7 @@ def test_numbers_of_cameras(camera, key, value):
     [
         # 1500 pixels on 36 mm.
         (FAST, 4.0, "mm", near(0.45788, 5e-6)),
+        (FAST, 2.0, "mm", near(0.0, 1e-15)),
         (FAST, 4.0, "px", near(0.45788 / 0.024, 2e-4)),
         # The camera of Ray Tracing in One Weekend, whose 675 rows are 1000 here.
         (WEEKEND, 5.0, "px", near(20.044 / 0.675, 1e-3)),
@@ -158,6 +167,7 @@ NOISY = (
     [
         (f"{SHUTTER}125, iso: 100", ("was 1/125 s meant",)),
         (f"{SHUTTER}125, exposure: auto", ("was 1/125 s meant",)),
+        (f"{SHUTTER}30, iso: 100", ()),
         (f"{SHUTTER}125", ()),
         (f"{SHUTTER}1/125 s, exposure: auto", ()),
         (f"{PINHOLE}focal_length: 0.05", ("focal_length is 0.05 mm", "was 0.05 m meant")),
@@ -169,6 +179,7 @@ NOISY = (
         # Highlights that end below white, of a sensor that is simulated.
         (f"{NOISY}200, exposure_compensation: -3", ("ISO 25,", "at 0.25 of white")),
         (f"{NOISY}200, exposure_compensation: -1", ()),
+        (f"{NOISY}100, exposure_compensation: 1", ()),
         (f"{NOISY.replace('noise: true, base_iso: 100', '')}200, exposure_compensation: -3", ()),
     ],
 )
@@ -292,6 +303,7 @@ BEHIND = "type: thin_lens, vfov: 40, aperture: 20 mm, focus_distance: 3, shutter
         # What runs along with the readout is stretched, and does not lean.
         (f"{CAMERA}{{duration: 1/480 s, readout: 1/60 s, direction: right}}", TRAIN, "skew_px", 0.0),
         # What is behind the camera has no blur.
+        (BEHIND, ball("a", -3.0, SPEED), "distance_m", -3.0),
         (BEHIND, ball("a", -3.0, SPEED), "streak_px", None),
         (BEHIND, ball("a", -3.0, SPEED), "circle_of_confusion_px", None),
     ],
@@ -405,3 +417,131 @@ def test_keys_are_told_on_the_command_line(capsys):
     assert "\n  camera.shake.seed  (not given)\n" in out
     assert main(["explain", str(SCENES / "cornell.yaml")]) == 0
     assert "render.seed" not in capsys.readouterr().out
+
+
+def test_focused_at_the_hyperfocal_distance_all_from_half_of_it_is_sharp():
+    lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 35 mm, f_number: 8, focus_distance: "
+    hyperfocal = explained(lens + "3").camera["hyperfocal_m"]
+    beyond = explained(f"{lens}{1.0001 * hyperfocal!r}").camera
+    assert beyond["far_limit_m"] == math.inf
+    assert explained(f"{lens}{0.9999 * hyperfocal!r}").camera["far_limit_m"] < math.inf
+    # Half of it, to first order in the focal length.
+    assert beyond["near_limit_m"] == pytest.approx(hyperfocal / 2.0, rel=1e-3)
+
+
+def test_flashes_are_told_apart():
+    found = flash_warnings("1/60 s", "duration: 1 ms", "duration: 1 ms, offset: 1")
+    assert [sentence.split(" shines")[0] for sentence in found] == ["the flash lights[1]"]
+
+
+def test_text_is_aligned_in_groups():
+    lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 22, focus_distance: inf, shutter: 1/125 s"
+    text = explained(lens, ball("ball", 5.0, SPEED), width=6000, height=4000).text()
+    lines = text[text.index("Camera: thin_lens") :].splitlines()
+    assert [line for line in lines if line and not line.startswith(" ")] == [
+        "Camera: thin_lens",
+        "Objects in the middle of the exposure; their blur is the circle of confusion",
+        "Warnings",
+    ]
+    numbers = dict(line.strip().split("  ", 1) for line in lines if line.startswith("    ") and "  " in line.strip())
+    assert {name: value.strip() for name, value in numbers.items()}.items() >= {
+        ("focal length", "50 mm"),
+        ("f-number", "f/22"),
+        ("shutter", "1/125 s"),
+        ("far limit", "infinity"),
+        ("diagonal", "46.79 deg"),
+    }
+    table = lines[lines.index("Objects in the middle of the exposure; their blur is the circle of confusion") + 1 :][:2]
+    assert len({len(line) for line in table}) == 1
+    assert max(map(len, lines)) <= 120
+
+
+def test_kinds_that_a_scene_has_none_of_are_a_line_a_family():
+    found = explained("type: pinhole")
+    left_out = found.text().partition("Left out\n")[2].partition("\n\n")[0]
+    joined = " ".join(left_out.split())
+    assert "material none of boundary, cutout, dielectric, emitter, metal, " in joined
+    assert "shape none of box, disc, " in joined
+    assert "sphere" not in joined
+    assert "0 objects" not in joined
+    assert max(map(len, left_out.splitlines())) <= 100
+    # For programs there is a line each.
+    assert found.json()["effects"]["material.metal"] == {"active": False, "why": "0 objects of 1"}
+
+
+def test_a_light_without_effect_keeps_its_reason():
+    text = explained("type: pinhole", lights="{type: point, position: [0, 1, 0], intensity: 0}").text()
+    assert "light.point" in text.partition("Left out")[2]
+    assert "which is black" in text
+
+
+def test_what_is_not_there_is_not_explained():
+    assert "blur (" not in explained(f"type: none, {FULL_FRAME}", ball("ball", 5.0)).text()
+    assert "their blur is" not in explained(f"type: none, {FULL_FRAME}", ball("ball", 5.0)).text()
+    assert "their blur is" in explained("type: pinhole", ball("ball", 5.0)).text()
+
+
+def test_the_circle_is_told_once():
+    lens = "type: thin_lens, vfov: 30, focus_distance: 3, aperture: 20 mm"
+    (line,) = [line for line in explained(lens).text().splitlines() if "circle of" in line and "sharp" in line]
+    assert line.endswith(" 1.202 px")
+    (line,) = [line for line in explained(f"{lens}, {FULL_FRAME}").text().splitlines() if "sharp up to" in line]
+    assert line.endswith(" 1.202 px, 0.02884 mm")
+
+
+def test_an_exposure_value_without_a_speed_is_that_of_iso_100():
+    lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 16, shutter: 1/128 s"
+    for speed, words in (
+        (", exposure: auto", "EV100 at ISO 100 15"),
+        (", iso: 200", "EV100 14"),
+        ("", "at ISO 100 15"),
+    ):
+        lines = [" ".join(line.split()) for line in explained(lens + speed).text().splitlines()]
+        assert any(line.endswith(words) for line in lines)
+
+
+@pytest.mark.parametrize(("shutter", "words"), [("1e-30", "1.000e-30 s"), ("1e-6", "1/1000000 s")])
+def test_times_of_any_length_are_printed(shutter, words):
+    text = explained(f"type: pinhole, vfov: 40, shutter: {shutter}", ball("moves", 10.0, SPEED)).text()
+    assert [line.split(maxsplit=1)[1].endswith(words) for line in text.splitlines() if "    shutter " in line] == [True]
+
+
+def test_every_number_has_words():
+    shutter = "shutter: {duration: 1/60 s, readout: 10 ms}"
+    lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 2, {shutter}, iso: 200"
+    assert "Further numbers" not in explained(lens).text()
+
+
+def test_json_has_four_parts(tmp_path, capsys):
+    file = tmp_path / "scene.yaml"
+    file.write_text(
+        f"camera: {{type: thin_lens, {HERE}, {FULL_FRAME}, focal_length: 50 mm, f_number: 22, focus_distance: inf}}\n"
+        f"film: {{width: 6000, height: 4000}}\nenvironment: {{type: gradient}}\nobjects: [{{{ball('ball', 5.0)}}}]\n"
+    )
+    assert main(["explain", str(file), "--json", "--circle", "0.03 mm"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert list(found) == ["effects", "camera", "objects", "warnings"]
+    assert found["camera"]["far_limit_m"] == "inf"
+    assert found["camera"]["circle_mm"] == pytest.approx(0.03)
+    assert list(found["objects"]) == ["ball"]
+    assert len(found["warnings"]) == 1
+
+
+def test_explaining_compiles_no_kernel():
+    compiled = len(render_tile.signatures)
+    explained(
+        "type: thin_lens, vfov: 41, aperture: 20 mm, focus_at: [0.5, 0.5], shutter: 1/60 s", ball("a", 2.0, SPEED)
+    )
+    assert len(render_tile.signatures) == compiled
+
+
+def test_effects_tell_of_the_photograph():
+    lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 2, shutter: 1/60 s"
+    plain, exposed = explained(lens).effects, explained(f"{lens}, iso: 800").effects
+    assert not plain["exposure"].active
+    assert exposed["exposure"].active
+    assert "ISO 800" in exposed["exposure"].why
+    for name in ("sensor_noise", "white_balance", "tone_curve", "aperture_shape", "vignetting"):
+        assert not exposed[name].active
+    shaped = explained(f"{lens}, aperture_shape: {{type: polygon, blades: 6}}").effects
+    assert shaped["aperture_shape"] == (True, "the opening has the shape polygon")

@@ -41,6 +41,14 @@ def thin_lens(focal_length, shape, glass, radius):
     return lens_of((c1, THIN, glass, radius, {"is_stop": True}), (c2, 0.0, AIR, 2.0 * radius))
 
 
+def symmetric_lens():
+    """Two equal menisci on both sides of a stop."""
+    glass = constant_index_glass(1.6)
+    front = [(1.0 / 20.0, 3.0, glass, 9.0), (1.0 / 28.0, 5.0, AIR, 8.0)]
+    rear = [(-1.0 / 28.0, 3.0, glass, 8.0), (-1.0 / 20.0, 0.0, AIR, 9.0)]
+    return lens_of(*front, stop(5.0, 2.5), *rear)
+
+
 def plano_convex(radius=10.0):
     return lens_of((0.0, 5.0, constant_index_glass(1.5), 12.5, {"kind": "flat"}), (-1.0 / 50.0, 0.0, AIR, radius))
 

@@ -2,12 +2,13 @@
 
 import math
 import xml.etree.ElementTree as ET
-from itertools import combinations, pairwise
+from itertools import combinations, groupby, pairwise
 
 import numpy as np
 import pytest
 
 from raytracer.analysis.lens_design.cross_section.drawing import (
+    build_cross_section,
     cross_sections,
     stack_labels,
     trace_fan,
@@ -16,12 +17,12 @@ from raytracer.analysis.lens_design.cross_section.outlines import Cubic, Line, r
 from raytracer.analysis.lens_design.cross_section.plot import figure_of, names_of
 from raytracer.analysis.lens_design.performance.lens_study import study_lens
 from raytracer.analysis.lens_design.performance.results import Settings
-from raytracer.optics.glass import constant_index_glass
+from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.lens import Element
 from raytracer.report.figure import ON_PAPER, style, to_svg
 from raytracer.scene.assets.lenses import read_lens
-from tests.analysis.lens_design.benches import SHIPPED, plano_convex, shipped
+from tests.analysis.lens_design.benches import SHIPPED, lens_of, plano_convex, shipped, symmetric_lens
 
 GLASS = constant_index_glass(1.5)
 QUICK = Settings(steps=5, rays=8, fields=(0.0, 1.0))
@@ -117,6 +118,8 @@ def test_a_lens_with_cylinders_is_drawn_in_both_planes_with_names_clear_of_legen
     lens = shipped("anamorphic-75mm")
     shown = cross_sections(lens, study_lens(lens, Settings(steps=3, rays=4, fields=(0.0, 1.0))))
     assert [one.title[-1] for one in shown] == ["y", "x"]
+    parts = {node.get("id") for node in written(shown).iter(f"{SVG}g")}
+    assert {"film-0", "film-1", "glass-0-0", "glass-1-0"} <= parts
     for width, letters in ((10.0, 9.0), (3.7, 7.5)):
         with style(ON_PAPER):
             figure = figure_of(shown, width, letters)
@@ -128,3 +131,59 @@ def test_a_lens_with_cylinders_is_drawn_in_both_planes_with_names_clear_of_legen
         # Nor does one drawing lie over another.
         lower, upper = (figure.axes[number].get_tightbbox() for number in (1, 0))
         assert lower.y1 < upper.y0
+
+
+def test_the_outer_rays_of_a_singlet_cross_the_axis_before_the_film():
+    surfaces = plano_convex().packed()
+    film = cardinal_points(surfaces).rear_focus
+    found = trace_fan(surfaces, film, 0.0)
+    assert found is not None
+    heights = found[0][:, :, 1]
+    # Spherical aberration: they land on the other side, the outermost the farthest.
+    assert (heights[:3, 1] * heights[:3, -1] < 0.0).all()
+    assert abs(heights[0, -1]) > abs(heights[1, -1]) > abs(heights[2, -1])
+    np.testing.assert_allclose(heights, -heights[::-1], atol=1e-9)
+
+
+def test_rays_of_a_near_point_come_from_it():
+    surfaces = plano_convex().packed()
+    found = trace_fan(surfaces, 200.0, -5.0, object_z=-190.0)
+    assert found is not None
+    starts, seconds = found[0][:, 0], found[0][:, 1]
+    slopes = (seconds - starts)[:, 1] / (seconds - starts)[:, 0]
+    at_plane = starts[:, 1] + slopes * (-190.0 - starts[:, 0])
+    np.testing.assert_allclose(at_plane, at_plane[0], atol=1e-9)
+
+
+def test_no_light_makes_no_fan():
+    assert trace_fan(symmetric_lens().packed(), 40.0, 500.0) is None
+
+
+def test_glass_is_told_from_air():
+    lens = plano_convex()
+    film = cardinal_points(lens.packed()).rear_focus
+    shown = build_cross_section(lens, lens.packed(), (film, 12.0), [0.0])
+    (outline,) = shown.outlines
+    assert outline.title == "n = 1.5000"
+    assert all(element.glass == AIR for element in lens.elements[1:])
+    # Flat front, straight rim up to the larger of the two, curved back.
+    kinds = [(kind, len(list(run))) for kind, run in groupby(outline.pieces, key=type)]
+    assert kinds == [(Line, 4), (Cubic, 12), (Line, 3)]
+    assert max(height for _, height in (piece.end for piece in outline.pieces)) == 12.5
+
+
+def test_rays_astray_do_not_make_all_else_small():
+    """A ball of dense glass throws rays of its rim far to the side."""
+    ball = lens_of((0.1, 20.0, constant_index_glass(1.8), 9.95), (-0.1, 0.0, AIR, 9.95))
+    shown = build_cross_section(ball, ball.packed(), (21.0, 8.0), [0.0, 6.0, 8.0])
+    assert all(abs(ray.points[-1, 1]) <= 1.4 * 12.5 for ray in shown.rays)
+    whole = trace_fan(ball.packed(), 21.0, -8.0)
+    assert whole is not None
+    drawn = [ray.points for ray in shown.rays if ray.field == 2]
+    # What is left of a ray lies on it.
+    cut = [(ended, ray) for ended, ray in zip(drawn, whole[0], strict=True) if abs(ray[-1, 1]) > 20.0]
+    assert cut
+    for ended, ray in cut:
+        (z, height), (full_z, full_height) = ended[-1] - ended[-2], ray[-1] - ray[-2]
+        assert z * full_height == pytest.approx(height * full_z)
+        assert 0.0 < height / full_height < 1.0

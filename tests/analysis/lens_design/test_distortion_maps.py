@@ -1,6 +1,7 @@
 """Maps of distortion: there and back, against traced rays, and against OpenCV."""
 
 import functools
+import json
 import math
 
 import numpy as np
@@ -106,3 +107,48 @@ def test_opencv_reads_the_file(tmp_path):
     np.testing.assert_array_equal(coefficients.ravel(), found.models[0].coefficients)
     assert stored.getNode("image_width").real() == WIDTH
     assert stored.getNode("distortion_model").string() == found.models[0].name
+
+
+def test_the_middle_is_undistorted():
+    found = mapped("double-gauss-50mm")
+    near = np.array([[0.0, 0.0], [1e-3, 0.0], [0.0, -1e-3]])
+    np.testing.assert_allclose(found.distorted(near), near, atol=1e-9)
+
+
+def test_the_map_straightens_a_picture():
+    """A smooth picture as the lens gives it, straightened by the map, is the picture as it was."""
+    found = mapped("double-gauss-50mm")
+    there, back = found.maps()
+    height, width = found.grid.height, found.grid.width
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+
+    def scene(x, y):
+        return (np.sin(x / 12.0) * np.cos(y / 15.0)).astype(np.float32)
+
+    # What the lens gives at a pixel is the ideal picture at that pixel's undistorted place.
+    given = scene(back[..., 0], back[..., 1])
+    straight = cv2.remap(given, there[..., 0], there[..., 1], cv2.INTER_CUBIC)
+    inside = (there > 3.0).all(axis=-1) & (there[..., 0] < width - 4) & (there[..., 1] < height - 4)
+    assert inside.mean() > 0.5
+    assert np.abs(straight - scene(x, y))[inside].max() < 0.01
+    assert np.abs(given - scene(x, y))[inside].max() > 0.1
+
+
+def test_the_archive_holds_the_maps(tmp_path):
+    found = mapped("double-gauss-50mm")
+    path = tmp_path / "map.npz"
+    path.write_bytes(files.to_npz(found))
+    with np.load(path) as arrays:
+        there, back = found.maps()
+        np.testing.assert_array_equal(arrays["map_x"], there[..., 0])
+        np.testing.assert_array_equal(arrays["inverse_y"], back[..., 1])
+        about = json.loads(str(arrays["about"]))
+    assert about == json.loads(json.dumps(files.as_dict(found)))
+    assert about["models"][0]["rms_px"] == found.models[0].rms_px
+
+
+def test_a_lens_that_sees_behind_itself_has_no_pinhole():
+    found = mapped("fisheye-10mm", sensor_mm=(36.0, 24.0))
+    assert found.models[0].name == "fisheye"
+    outside = found.undistorted(np.array([[30.0, 0.0]]))
+    assert np.isnan(outside).all()

@@ -3,6 +3,8 @@
 import csv
 import io
 import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,8 @@ import pytest
 from raytracer.analysis.lens_design import paper, plots, text
 from raytracer.analysis.lens_design.page import page
 from raytracer.analysis.lens_design.performance.lens_study import study_lens
-from tests.analysis.lens_design.benches import QUICK, cylinder_pair, shipped
+from raytracer.report import chart as charts
+from tests.analysis.lens_design.benches import QUICK, cylinder_pair, plano_convex, shipped
 
 
 @pytest.fixture(scope="module")
@@ -101,11 +104,15 @@ def test_a_lens_with_cylinders_and_a_hostile_name_has_both_planes_on_its_page(tm
     evil = '</script><img src="http://example.org/x.png"><b>'
     lens = cylinder_pair()
     path = tmp_path / "cylinders.html"
-    path.write_bytes(page(lens, few(study_lens(lens, QUICK))._replace(name=evil, source=evil)))
+    found = study_lens(lens, QUICK)
+    path.write_bytes(page(lens, found._replace(name=evil, source=evil)))
     shown = open_page(path)
     assert shown.locator("h1").inner_text() == evil
     assert shown.locator("img").count() == 0
     assert shown.locator("#drawing .wide svg").count() == 2
+    keys = [chart.key for group in plots.chart_groups(found) for chart in group.charts]
+    assert sorted(shown.evaluate("Object.keys(data.charts)")) == sorted(set(keys)) == sorted(keys)
+    assert shown.locator("[data-chart] > svg").count() == len(keys)
     assert "First order, in the plane of x" in shown.locator("h2").all_inner_texts()
     assert shown.locator("#seidel-sums").count() == 0
 
@@ -178,3 +185,24 @@ def test_a_lens_with_cylinders_has_two_of_each_but_no_sums():
             assert f"\n{title}, in the plane of {meridian}\n" in said
         rows = {row[0]: row[1] for row in text.aberrations(found, meridian)}
         assert number(rows["distortion"]) == pytest.approx(distortion.percent[-1], rel=0.01)
+
+
+def test_texts_name_lines_as_they_are_drawn():
+    named = 0
+    for group in plots.chart_groups(study_lens(plano_convex(), QUICK)):
+        for look in re.findall(r"the (dotted|dashed|solid|grey|black) line", group.text):
+            named += 1
+            wanted = {"dotted": charts.DOTTED, "dashed": charts.DASHED}[look]
+            assert any(series.dashes == wanted for chart in group.charts for series in chart.series)
+    assert named
+
+
+def test_what_comes_from_outside_is_escaped_in_files(gauss):
+    lens, found = gauss
+    evil = '<script>"&'
+    written = paper.svg(replace(lens, name=evil), found).decode()
+    assert "<script>" not in written
+    assert "&lt;script&gt;" in written
+    (title, *_) = ET.fromstring(written).iter("{http://www.w3.org/2000/svg}title")
+    assert title.text is not None
+    assert title.text.startswith(evil)

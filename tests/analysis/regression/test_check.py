@@ -55,8 +55,14 @@ def wrong_tile(picture):
 
 @pytest.mark.parametrize(
     ("change", "reason"),
-    [(lambda picture: 0.99 * picture, "the mean of"), (wrong_tile, "the mean of|in the tile at x = 24, y = 8")],
-    ids=["darker", "one wrong tile"],
+    [
+        (lambda picture: 1.01 * picture, "the mean of"),
+        (lambda picture: 0.99 * picture, "the mean of"),
+        (lambda picture: np.roll(picture, 1, axis=1), "in the tile|in the pixel"),
+        (lambda picture: picture[..., ::-1], "the mean of (red|blue)"),
+        (wrong_tile, "the mean of|in the tile at x = 24, y = 8"),
+    ],
+    ids=["brighter", "darker", "shifted by a pixel", "two channels swapped", "one wrong tile"],
 )
 def test_a_planted_fault_fails_and_is_named(change, reason, renders, path):
     renders.change = change
@@ -67,6 +73,10 @@ def test_a_planted_fault_fails_and_is_named(change, reason, renders, path):
         assert re.search(reason, result.reason), result.reason
     farthest = np.abs(result.verdict.tile_z).max(axis=2)
     assert change is not wrong_tile or np.unravel_index(np.argmax(farthest), farthest.shape) == (1, 3)
+
+
+def test_of_two_hundred_other_seeds_hardly_one_fails(renders, path):
+    assert sum(not check_reference(path, CheckOptions(spp=256, seed=seed)).passed for seed in range(200)) <= 2
 
 
 # ---- What can be found
@@ -164,24 +174,37 @@ def test_samples_that_are_not_finite_fail_unless_the_reference_had_some(renders,
     assert check_reference(reference(tmp_path, "other")).passed
 
 
-def test_gains_that_are_measured_do_not_fail_by_their_own_noise(renders, scene):
-    path = scene.with_name("ball.npz")
-    before, after = ({"white_balance_gains": gains} for gains in ("0.5,1.0,2.0", "0.525,1.05,2.1"))
-    renders.settings = before
-    found = render_reference.prepare_reference_scene(scene, scene.parent, {"film.white_balance": "auto"}, None)
+@pytest.mark.parametrize(
+    ("keys", "image"),
+    [
+        ("camera.exposure", {"metering": "average", "exposure_gain": 2.0}),
+        ("film.white_balance", {"white_balance_gains": "0.5,1.0,2.0"}),
+    ],
+)
+def test_gains_that_are_measured_do_not_fail_by_their_own_noise(keys, image, renders, scene, tmp_path):
+    renders.settings = image
+    found = render_reference.prepare_reference_scene(scene, tmp_path, {keys: "auto"}, None)
     made = render_reference.render_reference(found)
-    save_reference(path, *made)
-    assert made.recipe.gains == (0.5, 1.0, 2.0)
+    save_reference(tmp_path / "ball.npz", *made)
+    gains = np.array([2.0] * 3 if "exposure_gain" in image else [0.5, 1.0, 2.0])
+    assert made.recipe.gains == tuple(gains)
     # All is brighter by 5 %, since the gain is.
-    renders.change, renders.settings = lambda picture: 1.05 * picture, after
-    first = check_reference(path)
+    renders.change = lambda picture: 1.05 * picture
+    renders.settings = {
+        name: ",".join(str(1.05 * gain) for gain in gains) if name == "white_balance_gains" else 2.1
+        for name in image
+        if name != "metering"
+    } | ({"metering": "average"} if "metering" in image else {})
+    first = check_reference(tmp_path / "ball.npz")
     assert first.passed
     # Brought to the gains of the reference, it is as noisy: variance goes with the square of light.
-    renders.change, renders.settings = lambda picture: picture, before
-    np.testing.assert_allclose(first.image.variance, check_reference(path).image.variance)
+    renders.change, renders.settings = lambda picture: picture, image
+    second = check_reference(tmp_path / "ball.npz")
+    np.testing.assert_allclose(first.image.variance, second.image.variance)
     # It is not the gain.
     renders.change = lambda picture: 1.05 * picture
-    assert not check_reference(path).passed
+    renders.settings = image
+    assert not check_reference(tmp_path / "ball.npz").passed
 
 
 # ---- What is wrong

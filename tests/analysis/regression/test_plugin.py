@@ -43,10 +43,9 @@ def run(project):
     """Run a test that makes some call, and tell what it printed if it fails, or that it passed."""
 
     def run(*arguments, call="rt_regression('../ball.yaml')", more=""):
-        text = (
-            f"import raytracer as rt\ndef test_ball(rt_regression):\n    {more}\n    found = {call}\n    assert found\n"
-        )
-        (project.path / "tests" / "test_ball.py").write_text(text.replace("    \n", ""), encoding="utf-8")
+        lines = ["import raytracer as rt", "def test_ball(rt_regression):", *([f"    {more}"] if more else [])]
+        text = "\n".join([*lines, f"    found = {call}", "    assert found.passed", ""])
+        (project.path / "tests" / "test_ball.py").write_text(text, encoding="utf-8")
         return project.runpytest_inprocess(*SETTINGS, *arguments)
 
     return run

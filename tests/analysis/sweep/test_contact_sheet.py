@@ -9,7 +9,7 @@ import pytest
 
 from raytracer.analysis.sweep import contact_sheet
 from raytracer.analysis.sweep.results import Axis
-from tests.analysis.sweep.made_up import HEIGHT, WIDTH, images, made_up, picture
+from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up, picture
 
 
 def drawn(sweep):
@@ -74,3 +74,37 @@ def test_a_sheet_of_many_large_pictures_is_bounded(monkeypatch):
     # Words need their room, whatever the bounds.
     monkeypatch.setattr(contact_sheet, "_AREA", 1.0)
     assert contact_sheet.draw_sheet(made_up(None, axes), lambda taken: large).width > 10 * 96
+
+
+def test_of_three_axes_each_value_of_the_first_has_a_table():
+    found = places(made_up(None, (ALBEDO, F_NUMBER, FOCUS)))
+    assert len(found) == 24
+    offsets = {
+        tuple(np.subtract(found[1, row, column], found[0, row, column])) for row in range(4) for column in range(3)
+    }
+    assert len(offsets) == 1
+
+
+@pytest.mark.parametrize("text", ["x" * 400, "tab\tand\nline", ""])
+def test_long_names_are_cut_and_lines_are_one(text):
+    axis = F_NUMBER._replace(labels=(text, "2", "2.8", "4"))
+    assert len(places(made_up(None, (axis, FOCUS)))) == 12
+
+
+def test_pictures_of_other_sizes_keep_their_shape():
+    """All are fitted into the first one's place."""
+    sizes = {1.4: (90, 160), 2.0: (160, 90), 2.8: (20, 20), 4.0: (45, 80)}
+    colors = {1.4: (200, 0, 0), 2.0: (0, 200, 0), 2.8: (0, 0, 200), 4.0: (200, 0, 200)}
+
+    def of_its_size(taken):
+        f_number = taken.point.values["camera.f_number"]
+        return np.full((*sizes[f_number], 3), colors[f_number], dtype=np.uint8)
+
+    whole = np.asarray(contact_sheet.draw_sheet(made_up(None, (F_NUMBER,)), of_its_size))
+    seen = {f_number: np.all(whole == color, axis=-1) for f_number, color in colors.items()}
+    shapes = {key: (int(at.any(axis=1).sum()), int(at.any(axis=0).sum())) for key, at in seen.items()}
+    assert shapes == {1.4: (90, 160), 2.0: (90, 51), 2.8: (90, 90), 4.0: (90, 160)}
+
+
+def test_a_sheet_of_nothing_says_so():
+    assert drawn(made_up(None, (F_NUMBER,), failed=((0,), (1,), (2,), (3,)))).shape[0] > 180

@@ -11,7 +11,8 @@ from raytracer.analysis.sweep.manifest import write_manifest
 from raytracer.analysis.sweep.page import page as page_of
 from raytracer.analysis.sweep.page import point_numbers as numbers_of
 from raytracer.analysis.sweep.results import PointResult
-from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, images, made_up
+from raytracer.analysis.sweep.run import sweep as rendered
+from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up
 
 AT = "#camera.f_number={}&camera.focus_distance={}"
 
@@ -156,14 +157,16 @@ def test_sliders_and_keys_choose_the_picture(opened, sweep):
     assert page.locator("#sliders output.a").all_inner_texts() == ["4", "5"]
     # Outside of sliders, arrows go along rows and columns.
     focus.evaluate("one => one.blur()")
-    for key, index in (("ArrowLeft", (3, 0)), ("ArrowUp", (2, 0)), ("ArrowUp", (1, 0)), ("ArrowLeft", (1, 0))):
-        page.keyboard.press(key)
+    for key, *index in (("Left", 3, 0), ("Up", 2, 0), ("Down", 3, 0), ("Up", 2, 0), ("Up", 1, 0), ("Left", 1, 0)):
+        page.keyboard.press(f"Arrow{key}")
         wait(page, at(sweep, *index))
     # It runs through the values by itself.
     play = page.get_by_role("button", name="run through focus_distance")
     play.click()
     for index in ((1, 1), (1, 2), (1, 1)):
         wait(page, at(sweep, *index))
+    play.click()
+    assert play.get_attribute("aria-pressed") == "false"
 
 
 def test_the_numbers_are_those_of_the_manifest(opened, sweep, tmp_path):
@@ -190,6 +193,7 @@ def test_the_numbers_are_those_of_the_manifest(opened, sweep, tmp_path):
     assert rows["rays"][1] == "123,456,790"
     # What no point changes is told apart.
     assert "vfov_deg" not in rows
+    assert "horizontal" not in page.locator("#same").inner_text()
     page.locator("#same summary").click()
     assert page.locator("#same tr[data-key=vfov_deg]").inner_text().split("\t") == ["vertical field of view", "20", "°"]
 
@@ -219,3 +223,90 @@ def test_numbers_are_those_that_were_metered_and_a_page_needs_no_picture():
     taken = PointResult(made.results[0].point, "done", camera=camera, exposure=exposure)
     assert {"ev100": 4.966, "vfov_deg": 20.0}.items() <= numbers_of(taken).items()
     assert b"4 of 4 points failed." in page_of(made, images)
+
+
+def test_all_pictures_are_at_hand_before_they_are_asked_for(opened, sweep):
+    """Once all is decoded, what a slider chooses is drawn before its event is over."""
+    page = opened()
+    page.evaluate("Promise.all(points.map((point) => gallery.decode(point)))")
+    shown = page.evaluate(
+        """() => {
+          const slider = document.querySelector("input.a");
+          slider.value = 1;
+          slider.dispatchEvent(new Event("input"));
+          return document.body.dataset.shown;
+        }"""
+    )
+    assert shown == at(sweep, 1, 0).point.name
+
+
+def test_the_table_of_all_points_is_sorted(opened, sweep):
+    page = opened()
+    page.get_by_text("Numbers of all points").click()
+    head = page.locator("#all th[title=far_limit_m] button")
+    head.click()
+    column = [row.split("\t") for row in page.locator("#all tbody tr").all_inner_texts()]
+    limits = [float(row[8]) for row in column if row[2] == ""]
+    known = sorted(taken.camera["far_limit_m"] for taken in sweep.results if taken.status == "done")
+    np.testing.assert_allclose(limits, known, rtol=1e-3)
+    head.click()
+    assert page.locator("#all tbody tr").nth(0).inner_text().split("\t")[8] == "inf"
+    page.locator("#all tbody tr").nth(0).click()
+    assert page.locator("#all tbody tr[data-at=a]").count() == 1
+
+
+def test_zipped_axes_have_one_slider(open_page, tmp_path):
+    focus = FOCUS._replace(values=(2.0, 5.0, 10.0, 20.0), labels=("2", "5", "10", "20"))
+    made = made_up(tmp_path, (F_NUMBER, focus), zipped=True)
+    write_page(made)
+    page = open_page(tmp_path / "index.html")
+    slider = page.get_by_role("slider", name="point A")
+    assert slider.count() == 1
+    slider.fill("2")
+    wait(page, at(made, 2, 2))
+    assert page.locator("#sliders output.a").inner_text() == "2.8, 10"
+    np.testing.assert_array_equal(seen(page), in_file(made, 2, 2))
+
+
+def test_many_pixels_are_held_smaller(monkeypatch):
+    """What a browser could not hold becomes as many pixels as it can, and the page says so."""
+    made = made_up(None)
+    exact = page_of(made, images)
+    monkeypatch.setattr("raytracer.analysis.sweep.page._EXACT_PIXELS", 1.0)
+    monkeypatch.setattr("raytracer.analysis.sweep.page._MOST_PIXELS", 12 * WIDTH * HEIGHT / 4)
+    smaller = page_of(made, images)
+    assert len(smaller) < len(exact)
+    assert b"scaled to 50 % and compressed" in smaller
+    assert b"compressed" not in exact
+    assert f'"size":[{WIDTH // 2},{HEIGHT // 2}]'.encode() in smaller
+
+
+SCENE = """
+camera: {type: thin_lens, look_from: [0, 0, 5], look_at: [0, 0, 0], sensor: full_frame, f_number: 2, focal_length: 50}
+film: {width: 32, height: 20}
+render: {spp: 4, seed: 1}
+environment: {type: constant, radiance: 1}
+materials: {grey: {type: lambertian, albedo: 0.5}}
+objects: [{type: sphere, center: [0, 0, 0], radius: 1, material: grey}]
+"""
+
+
+@pytest.mark.slow
+def test_a_sweep_that_was_rendered(open_page, tmp_path):
+    """From the command line's function to the screen: pictures are the files', numbers the manifest's."""
+    (tmp_path / "ball.yaml").write_text(SCENE)
+    values = {"camera.f_number": "1.4,8", "camera.focus_distance": "2:5:2"}
+    made = rendered(tmp_path / "ball.yaml", values, folder=tmp_path / "out", threads=2)
+    page = open_page(tmp_path / "out" / "index.html")
+    points = json.loads((tmp_path / "out" / "manifest.json").read_bytes())["points"]
+    assert [point["status"] for point in points] == ["done"] * 4
+    for taken, point in zip(made.results, points, strict=True):
+        page.get_by_role("slider", name="f_number, point A").fill(str(point["index"][0]))
+        page.get_by_role("slider", name="focus_distance, point A").fill(str(point["index"][1]))
+        wait(page, taken)
+        np.testing.assert_array_equal(seen(page), in_file(made, *point["index"]))
+        told = numbers(page)
+        assert {key: float(told[key]) for key in point["camera"]} == {
+            key: float(value) for key, value in point["camera"].items()
+        }
+        assert float(told["seconds"]) == point["seconds"]["total"]

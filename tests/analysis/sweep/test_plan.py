@@ -41,7 +41,7 @@ def test_single_values_are_the_same_for_all_points(scene):
         assert (plan.spec.film.width, plan.spec.film.height) == (16, 12)
 
 
-def test_a_file_of_asweep_file(scene):
+def test_a_file_of_a_sweep(scene):
     path = sweep_file(
         scene,
         """\
@@ -99,7 +99,7 @@ def test_a_file_of_thousands_of_keys_is_refused_at_once(scene, section):
         make_plan(path, {})
 
 
-def test_a_scene_that_needs_a_key_may_get_it_from_anaxis_of(scene):
+def test_a_scene_that_needs_a_key_may_get_it_from_an_axis(scene):
     scene.write_text(SCENE.replace("width: 8, ", ""))
     with pytest.raises(SceneError, match=r"film\.width: is missing"):
         load(scene)
@@ -169,7 +169,10 @@ def labelled(key, *labels):
             ["objects.3.radius=1_objects.4.radius=1_y=2"],
         ),
         # A name that no file could have is a number.
-        ([labelled(f"camera.key_{i}", "x" * 40) for i in range(5)], ["point_1_1_1_1_1"]),
+        (
+            [*(labelled(f"a.b{i}", "x" * 50) for i in range(4)), labelled("a.c", "x", "y")],
+            ["point_1_1_1_1_1", "point_1_1_1_1_2"],
+        ),
     ],
 )
 def test_names_of_files(axes, names):
@@ -202,11 +205,15 @@ def axis_of(text, key="camera.focus_distance"):
         ("[1, 0, 0],[0,1,0]", ([1, 0, 0], [0, 1, 0])),
         ("{type: linear},{type: filmic, white: 4}", ({"type": "linear"}, {"type": "filmic", "white": 4})),
         ("'a,b',\"c:d\"", ("a,b", "c:d")),
+        ("true,false", (True, False)),
+        ("../a.hdr,b.hdr", ("../a.hdr", "b.hdr")),
         ("it's,that's", ("it's", "that's")),
         # Exact decimals: binary steps would give 0.30000000000000004.
         ("0.1:0.7:7", (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)),
         ("10:2:5", (10, 8, 6, 4, 2)),
         ("0:1:4", (0, 1 / 3, 2 / 3, 1)),
+        ("5:5:1", (5,)),
+        ("-1:1:3", (-1, 0, 1)),
         ("1/4:1/2:2", (0.25, 0.5)),
         ("1:1000:4:log", (1, 10, 100, 1000)),
         ("-1:-100:3:log", (-1, -10, -100)),
@@ -245,7 +252,7 @@ def test_labels_of_long_values_differ():
     assert all(len(label) < 60 for label in labels)
 
 
-def test_one_value_is_noaxis_of():
+def test_one_value_is_no_axis():
     for text in ("2", "ball", "[1, 0, 0]", "{type: box}", "1/125 s", ""):
         assert parse_value_text("camera.vfov", text, "").fixed
     for text in ("2,3", "2:2:1", "1:2:2"):
@@ -262,16 +269,23 @@ def test_one_value_is_noaxis_of():
         ("2:10:2.5", "must be an integer"),
         ("2:2:3", "equal ends"),
         ("2:x:5", "'x' is no finite number"),
+        ("2:inf:5", "'inf' is no finite number"),
+        ("2:1e400:3", "'1e400' is no finite number"),
         ("2:1e1000000000:3", "'1e1000000000' is no finite number"),
         ("1/1e999999999:2:3", "'1/1e999999999' is no finite number"),
         ("2:1/1e-999999999:3", "divides by zero"),
         ("2:1e200/1e-200:3", "too large, or too far apart"),
+        ("1e-300:1e300:3:log", "too large, or too far apart"),
         ("1:2:1000000000", "more than 100000 values"),
         ("-1:1:3:log", "logarithmic"),
+        ("0:1:3:log", "logarithmic"),
+        ("1/0:3:3", "divides by zero"),
         ("2 m:3 s:3", "no units of one kind"),
         ("1,,2", "empty value"),
+        ("1,2,", "empty value"),
         ("2,2.0", "the value 2.0 twice"),
         ("1:3:3,2", "the value 2 twice"),
+        ("ball,ball", "the value ball twice"),
     ],
 )
 def test_what_is_wrong_is_said(text, says):
@@ -284,7 +298,7 @@ def test_a_value_that_is_not_yaml_names_its_option():
         axis_of("[1,0", "camera.look_from")
 
 
-def test_lists_arrays_and_ranges_of_python_areaxes_of():
+def test_lists_arrays_and_ranges_of_python_are_axes():
     assert parse_value("k", np.linspace(0.0, 1.0, 3), "k").axis.values == (0.0, 0.5, 1.0)
     assert parse_value("k", range(3), "k").axis.values == (0, 1, 2)
     assert parse_value("k", ("2 m", [1, 0, 0], None), "k").axis.labels == ("2 m", "[1, 0, 0]", "null")
@@ -322,6 +336,12 @@ def test_stops_are_exact_and_have_the_numbers_that_are_engraved(key, text, first
     axis = parse_value_text(key, text, "").axis
     assert [label.replace(" ", "") for label in axis.labels] == marks.split()
     assert axis.values == pytest.approx([2.0 ** (first + step * k) for k in range(len(axis.values))], rel=4e-15)
+
+
+def test_stops_that_double_or_halve_are_exact():
+    assert axis_of("1.4..22", "camera.f_number").values[1::2] == (2, 4, 8, 16)
+    assert axis_of("1/1000..1/30", "camera.shutter").values == tuple(2.0**k for k in range(-10, -4))
+    assert axis_of("100..3200", "camera.iso").values == (100, 200, 400, 800, 1600, 3200)
 
 
 def test_values_with_units_keep_them():

@@ -4,7 +4,11 @@ import csv
 import json
 import math
 import os
+import signal
+import subprocess
+import sys
 import threading
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +16,7 @@ import numpy as np
 import pytest
 
 import raytracer as rt
-from raytracer.analysis.sweep import prepare_points, run
+from raytracer.analysis.sweep import output_layout, prepare_points, run
 from raytracer.analysis.sweep.output_layout import stale_images
 from raytracer.analysis.sweep.run import sweep
 from raytracer.film import image_file
@@ -25,7 +29,7 @@ from raytracer.scene.cache import RenderCache
 from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack
 from raytracer.util import atomic_write
-from raytracer.util.errors import InputError, OutputError, SceneWarning
+from raytracer.util.errors import InputError, OutputError, SceneWarning, StrictError
 from tests.analysis.sweep.test_plan import SCENE
 
 VALUES = {"camera.f_number": "1.4,2,2.8", "camera.focus_distance": "2,5"}
@@ -238,6 +242,20 @@ def test_a_file_that_changes_during_a_sweep_and_back_is_rendered_again(swept, sc
     assert [f_number for f_number, _ in bench.rendered] == [2.0, 2.8, 4.0]
 
 
+def test_the_manifest_is_not_written_after_every_point(swept, monkeypatch):
+    """It tells of all points: after 1, 2, 4, 8 of them, and at the end."""
+    told, write = [], run.write_manifest
+
+    def counted(result, folder):
+        told.append(statuses(result).count("done"))
+        write(result, folder)
+
+    for module in (run, output_layout):
+        monkeypatch.setattr(module, "write_manifest", counted)
+    swept(TWO | {"camera.f_number": "1:9:9"})
+    assert told == [1, 2, 4, 8, 9]
+
+
 class _Killed(BaseException):
     """As if the process had been killed."""
 
@@ -338,7 +356,8 @@ def test_an_interrupt_keeps_what_is_done(swept, folder, bench):
     assert json.loads((folder / "manifest.json").read_text())["interrupted"] is False
     # Before there is anything, nothing is left.
     bench.behave = interrupt
-    assert swept(VALUES | {"camera.f_number": 2}, folder=folder / "new").interrupted
+    result = swept(VALUES | {"camera.f_number": 2}, folder=folder / "new")
+    assert (result.interrupted, stale_images(result)) == (True, [])
     assert not (folder / "new").exists()
 
 
@@ -392,6 +411,23 @@ def test_what_stands_in_the_way_is_told_before_anything(swept, folder, bench, na
     with pytest.raises(InputError, match=name):
         swept(animate=["gif"])
     assert bench.settings == []
+
+
+def test_a_picture_that_was_taken_away_meanwhile_is_not_shown(swept, folder, bench):
+    first = folder / "f_number=1.4_focus_distance=2.png"
+    bench.behave = lambda camera: first.unlink(missing_ok=True) if camera.f_number == 2.8 else None
+    swept(animate=["gif"])
+    assert not first.exists()
+    assert {"index.html", "contact_sheet.png", "sweep.gif"} <= {path.name for path in folder.iterdir()}
+
+
+def test_strict_ends_a_sweep_with_its_doubts(swept, bench):
+    def doubt(spec, **settings):
+        raise StrictError(["a doubt"])
+
+    bench.before = doubt
+    with pytest.raises(StrictError, match="a doubt"):
+        swept(strict=True)
 
 
 # ---- While it is at work
@@ -512,3 +548,35 @@ def test_a_point_that_was_broken_off_is_gone_on_with(ball, folder, monkeypatch, 
         (file,) = (name for name in taken.files if name.endswith(".npy"))
         np.testing.assert_array_equal(np.load(folder / file), whole[number].radiance)
     assert not kept.exists()
+
+
+# What a process does that is told to sweep in its arguments.
+_COMMAND = "import sys; from raytracer.cli.base.app import main; sys.exit(main(sys.argv[1:]))"
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments_it_ends_in_the_same_files(ball, tmp_path):
+    """A process that is killed without a word, again and again, while it is at work."""
+
+    def start(folder):
+        words = ["sweep", str(ball), "-D", "camera.vfov=20:60:12", "--spp", "20000"]
+        words += ["-o", str(tmp_path / folder), "--threads", "2", "--quiet"]
+        return subprocess.Popen([sys.executable, "-c", _COMMAND, *words])
+
+    def done():
+        return len(list((tmp_path / "killed" / "points").glob("*.json")))
+
+    assert start("whole").wait() == 0
+    random = np.random.default_rng(7)
+    for target in (1, 3, 3, 6):
+        process = start("killed")
+        while process.poll() is None and done() < target:
+            time.sleep(0.01)
+        time.sleep(random.uniform(0.0, 0.2))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert 6 <= done() <= 12
+    assert start("killed").wait() == 0
+    assert pictures(tmp_path / "killed") == pictures(tmp_path / "whole")
+    names = [{path.name for path in (tmp_path / folder).rglob("*")} for folder in ("killed", "whole")]
+    assert names[0] == names[1]

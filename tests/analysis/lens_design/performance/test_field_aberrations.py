@@ -5,13 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_fields, object_points
+from raytracer.analysis.lens_design.performance.chief_rays import (
+    chief_rays_at_fields,
+    chief_rays_at_heights,
+    object_points,
+)
 from raytracer.analysis.lens_design.performance.field_aberrations import (
     axial_shift_mm,
     chromatic_aberration,
     distortion,
     field_curvature,
 )
+from raytracer.analysis.lens_design.performance.first_order import first_order
 from raytracer.analysis.lens_design.performance.optical_bench import MERIDIANS, set_up_bench
 from raytracer.optics.glass import AIR, CATALOGUE, LINE_C, LINE_D, LINE_F, constant_index_glass
 from raytracer.optics.lens_system.ray_tracing import trace_rays
@@ -26,6 +31,7 @@ from tests.analysis.lens_design.benches import (
     sensor,
     shipped,
     stop,
+    symmetric_lens,
     thin_lens,
 )
 
@@ -163,3 +169,55 @@ def test_foci_are_where_real_rays_meet(make, meridian, distance):
 def test_foci_of_the_fisheye_out_to_its_rim():
     bench = set_up_bench(shipped("fisheye-10mm"))
     assert_foci(field_curvature(bench), bench, "y", (10, 25, 38))
+
+
+def test_symmetry_leaves_no_lateral_colour_at_life_size():
+    glass = CATALOGUE["N-SF11"]
+    lens = symmetric_lens()
+    dispersing = lens_of(
+        *(
+            (*row[:2], glass if row.glass.name != "air" else AIR, *row[3:4], {"is_stop": row.is_stop})
+            for row in lens.elements
+        )
+    )
+    distance = 2.0 * first_order(bench_at(dispersing)).focal_length_mm
+    bench = bench_at(dispersing, focus_distance_mm=distance, sensor_mm=sensor(8.0))
+    found = chromatic_aberration(bench)
+    # Chief rays of all colours go through the middle of the stop, and so leave as they came.
+    assert np.abs(found.lateral_um).max() < 1e-6
+    assert np.abs(chromatic_aberration(bench_at(dispersing, sensor_mm=sensor(8.0))).lateral_um).max() > 1.0
+
+
+def test_no_dispersion_no_colour():
+    found = chromatic_aberration(bench_at(thin_lens(100.0, 0.5, constant_index_glass(1.5), 10.0)))
+    assert not found.axial_mm.any()
+    assert not found.lateral_um.any()
+
+
+def test_a_symmetric_lens_at_life_size_has_none():
+    # The chief ray leaves it as it comes in, upside down: so object and image are alike.
+    lens = symmetric_lens()
+    focal_length = first_order(bench_at(lens)).focal_length_mm
+    bench = bench_at(lens, focus_distance_mm=2.0 * focal_length, sensor_mm=sensor(10.0))
+    assert first_order(bench).magnification == pytest.approx(-1.0, rel=1e-9)
+    assert np.abs(distortion(bench).percent).max() < 1e-9
+    # At another distance it has.
+    assert np.abs(distortion(bench_at(lens, sensor_mm=sensor(10.0))).percent).max() > 0.01
+
+
+def test_chief_rays_are_found_by_height_and_by_field():
+    bench = bench_at(symmetric_lens(), sensor_mm=sensor(12.0))
+    heights = np.linspace(0.0, 12.0, 7)
+    rays = chief_rays_at_heights(bench, "y", bench.primary, heights)
+    np.testing.assert_allclose(rays.height, heights, rtol=0.0, atol=1e-12)
+    again = chief_rays_at_fields(bench, "y", bench.primary, rays.field_deg)
+    np.testing.assert_allclose(again.height, heights, rtol=0.0, atol=1e-11)
+    assert np.isnan(chief_rays_at_heights(bench, "y", bench.primary, np.array([1e6])).height).all()
+
+
+def test_the_fisheye_is_nearly_f_theta():
+    bench = set_up_bench(shipped("fisheye-10mm"))
+    found = distortion(bench)
+    assert found.projection != "f tan"
+    assert np.abs(found.f_theta_percent).max() < 5.0
+    assert found.percent[-1] < -50.0

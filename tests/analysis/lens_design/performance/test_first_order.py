@@ -5,7 +5,7 @@ import math
 import pytest
 
 from raytracer.analysis.lens_design.performance.first_order import first_order
-from raytracer.optics.glass import constant_index_glass
+from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points, exit_pupil
 from tests.analysis.lens_design.benches import bench_at, cylinder_pair, lens_of, plano_convex, thin_lens
 
@@ -65,3 +65,16 @@ def test_pupils_and_f_numbers_of_a_thin_lens():
     near = first_order(bench_at(thin_lens(50.0, 0.0, constant_index_glass(1.5), 2.0), focus_distance_mm=150.0))
     assert near.magnification == pytest.approx(-0.5, rel=1e-7)
     assert near.film_z_mm == pytest.approx(75.0, rel=1e-7)
+
+
+def test_a_stop_in_the_focal_plane_is_seen_from_infinity():
+    # The stop a focal length before a thin lens: telecentric behind it.
+    glass = constant_index_glass(1.5)
+    lens = lens_of(
+        (0.0, 40.0, AIR, 4.0, {"kind": "flat", "is_stop": True}),
+        (0.05 / 2.0, 1e-9, glass, 15.0),
+        (-0.05 / 2.0, 0.0, AIR, 15.0),
+    )
+    found = first_order(bench_at(lens))
+    assert abs(found.exit_pupil_z_mm) > 1e9
+    assert found.f_number == pytest.approx(5.0, rel=1e-6)

@@ -32,6 +32,8 @@ def test_a_disc_is_as_foote_has_it(angle, f_number):
     height = 100.0 * math.tan(math.radians(angle))
     found = projected_solid_angle(bench, "y", height) / math.pi
     assert found == pytest.approx(foote(angle, f_number), rel=3e-4)
+    if (angle, f_number) == (20.0, 1.4):
+        assert found == pytest.approx(0.092460, rel=3e-4)
 
 
 def test_a_small_pupil_gives_cos4():
@@ -63,3 +65,27 @@ def test_the_film_and_the_scene_agree(f_number):
         here = projected_solid_angle(bench, "y", height[row]) / projected_solid_angle(bench, "y", 0.0)
         # The film is off the paraxial focus by the aberrations of a lens wide open.
         assert here == pytest.approx(there, rel=0.01)
+
+
+def test_the_curve_is_smooth():
+    # No rings: second differences are small and even up to where rims begin to cut the pupil off, from where it falls.
+    bench = set_up_bench(shipped("double-gauss-50mm"), Settings(f_number=5.6, steps=81))
+    relative = illumination(bench).relative
+    second = np.diff(relative[:72], 2)
+    assert np.abs(second).max() < 2e-4
+    assert np.abs(np.diff(second)).max() < 5e-6
+    assert (np.diff(relative[72:]) < 0.0).all()
+
+
+def test_beyond_the_rim_it_is_dark():
+    # A tube before and behind a lens lets nothing through beyond some angle.
+    lens = lens_of(
+        (0.0, 40.0, AIR, 5.0, {"kind": "flat"}),
+        (0.01, 1.0, constant_index_glass(1.5), 5.0, {"is_stop": True}),
+        (-0.01, 0.0, AIR, 5.0),
+    )
+    bench = bench_at(lens, sensor_mm=sensor(80.0))
+    largest = largest_height(bench, "y")
+    assert 10.0 < largest < 40.0
+    assert projected_solid_angle(bench, "y", largest * 1.01) == 0.0
+    assert projected_solid_angle(bench, "y", largest * 0.99) > 0.0

@@ -1,6 +1,7 @@
 """The whole study: every shipped lens, and lenses that lack something."""
 
 import json
+import math
 
 import pytest
 
@@ -52,6 +53,7 @@ def test_a_pinhole_of_a_stop():
 
 
 GLASS = constant_index_glass(1.5)
+FLAT = {"kind": "flat"}
 FRONT, REAR = (0.02, 1e-6, GLASS, 10.0), (-0.02, 0.0, AIR, 10.0)
 
 
@@ -70,6 +72,11 @@ def test_lenses_that_lack_something(surfaces):
         (plano_convex(), {"f_number": 0.5}, "opens"),
         (plano_convex(), {"focus_distance_mm": 90.0}, "nearest"),
         (plano_convex(), {"wavelengths_nm": ()}, "at least one wavelength"),
+        (
+            lens_of((0.0, 5.0, GLASS, 10.0, FLAT), (0.0, 0.0, AIR, 10.0, FLAT)),
+            {},
+            "makes no image",
+        ),
         (lens_of(FRONT, (-0.02, 100.0 - 1e-6, AIR, 10.0), FRONT, REAR), {}, "makes no image"),
         (lens_of(FRONT, (-0.02, 150.0, AIR, 10.0), FRONT, REAR), {}, "upright"),
     ],
@@ -92,3 +99,15 @@ def test_shipped_lenses(path):
         assert row["half_field_deg"] > 5.0 if "telephoto" not in path.name else row["half_field_deg"] > 1.0
     assert given["spots"][0]["rms_um"] is not None
     assert "points_um" not in found.as_dict()["spots"][0]["spots"][0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("f_number", [8.0, 22.0])
+@pytest.mark.parametrize("distance", [math.inf, 3000.0])
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_lenses_stopped_down_and_near(path, f_number, distance):
+    lens = read_lens(path)
+    near = distance if lens.focal_length is None or lens.focal_length < 200.0 else 2.0 * distance
+    given = check(study_lens(lens, QUICK._replace(f_number=f_number, focus_distance_mm=near)))
+    assert given["first_order"][0]["f_number"] == pytest.approx(f_number, rel=0.1)
+    assert all(value is not None for value in given["illumination"][0]["relative"])

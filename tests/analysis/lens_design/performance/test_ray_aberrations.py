@@ -156,6 +156,11 @@ def test_sums_of_astigmatism_and_petzval(distance):
             expected = -(times * sums.total_astigmatism + sums.total_petzval) / (2.0 * slope**2)
             ratios[column].append(float(curve[0, -1]) / expected)
         assert found.petzval_mm[-1] == pytest.approx(-sums.total_petzval / (2.0 * slope**2), rel=1e-9)
+        # The Petzval sum is one of the glass alone: S4 = H^2 sum of power / (n n').
+        surfaces = aspheric_pair().packed()
+        n = surfaces.ior
+        petzval = float((surfaces.curvature * np.diff(n) / (n[1:] * n[:-1])).sum())
+        assert sums.total_petzval / sums.lagrange_mm**2 == pytest.approx(petzval, rel=1e-12)
     for column in ratios:
         assert limit(sizes, column) == pytest.approx(1.0, abs=2e-3)
 
@@ -191,3 +196,15 @@ def test_sums_of_colour():
     ]
     # On the film of the primary colour chief rays of others land off by what their images are larger or smaller.
     assert heights[0] - heights[1] == pytest.approx(-sums.total_lateral_colour / slope, rel=1e-3)
+
+
+def test_aplanatic_points_of_a_sphere():
+    # Light that converges to n r behind the centre of a sphere of glass is brought to r / n behind it, sharp and free
+    # of coma for all apertures (Born, Wolf 1999, sec. 4.2.3).
+    n, r = 1.5, 30.0
+    lens = lens_of((1.0 / r, 0.0, constant_index_glass(n), 12.0, {"is_stop": True}))
+    bench = bench_at(lens, film=r + r / n, focus_distance_mm=-(r + n * r))
+    sums = seidel(bench)
+    assert sums is not None
+    assert abs(sums.total_spherical) < 1e-15
+    assert abs(sums.total_coma) < 1e-15

@@ -6,17 +6,20 @@ import numpy as np
 import pytest
 from scipy.special import j1
 
+from raytracer.analysis.lens_design.performance.ray_aberrations import spherical
 from raytracer.analysis.lens_design.performance.spots import (
     FREQUENCIES_PER_MM,
+    axis_point,
     diffraction_limit,
     geometric_mtf,
     mtf,
     mtf_over_field,
     perfect_mtf,
     spots,
+    trace_field_point,
 )
 from raytracer.optics.glass import AIR, constant_index_glass
-from tests.analysis.lens_design.benches import bench_at, lens_of, plano_convex, sensor
+from tests.analysis.lens_design.benches import bench_at, cylinder_pair, lens_of, plano_convex, sensor, stop
 
 
 def hyperbolic(radius):
@@ -77,3 +80,43 @@ def test_mtf_over_the_field_agrees_with_that_of_the_fields():
         for number, curve in enumerate(single):
             assert over.tangential[row, number] == pytest.approx(curve.tangential[column], abs=0.02)
             assert over.sagittal[row, number] == pytest.approx(curve.sagittal[column], abs=0.02)
+
+
+def test_light_of_a_near_point_is_the_solid_angle_of_the_pupil():
+    # A stop of radius 10 mm in front, seen from 20 mm: 2 pi (1 - cos a) with tan a = 1/2.
+    lens = lens_of(stop(1.0, 10.0), (0.001, 1.0, constant_index_glass(1.5), 40.0), (-0.001, 0.0, AIR, 40.0))
+    bench = bench_at(lens, film=30.0, focus_distance_mm=20.0, rays=256)
+    weights = trace_field_point(bench, axis_point(bench, "y"), 256)[0][1]
+    assert weights.sum() == pytest.approx(2.0 * math.pi * (1.0 - 1.0 / math.sqrt(1.25)), rel=3e-3)
+    # The middle of the pupil is seen under the greatest angle: cos^3 of the rim's, which is what is left of it there.
+    assert weights.min() / weights.max() == pytest.approx(1.25**-1.5, rel=2e-2)
+
+
+def test_the_size_of_the_spot_is_that_of_the_aberration():
+    bench = bench_at(plano_convex(), fields=(0.0, 0.5), sensor_mm=sensor(10.0))
+    axis = spots(bench)[0]
+    assert axis.largest_um == pytest.approx(np.abs(spherical(bench).transverse_um).max(), rel=0.05)
+    # For a transverse aberration of the third order, T r^3, the mean square over the pupil is T^2 / 4.
+    assert axis.rms_um == pytest.approx(np.abs(spherical(bench).transverse_um).max() / 2.0, rel=0.05)
+
+
+def test_an_astigmatic_lens_blurs_one_direction():
+    # The film in the focus of one of two crossed cylinders: a line along the other's field.
+    bench = bench_at(cylinder_pair(), film=95.0, fields=(0.0,))
+    spot = spots(bench, "y")[0].spots[0]
+    width, height = (float(np.ptp(spot.points_um[:, way])) for way in (0, 1))
+    assert width != pytest.approx(height, rel=0.5)
+    # The same spot in either meridian, with its axes exchanged.
+    across = spots(bench, "x")[0].spots[0]
+    assert float(np.ptp(across.points_um[:, 1])) == pytest.approx(width, rel=0.05)
+
+
+def test_a_grid_twice_as_fine_sees_the_same_spot():
+    bench = bench_at(plano_convex(), sensor_mm=sensor(10.0))
+    sizes = []
+    for rays in (48, 96):
+        places, weights = trace_field_point(bench, axis_point(bench, "y"), rays)[0]
+        sizes.append((float(weights.sum()), float((weights * (places**2).sum(axis=1)).sum() / weights.sum())))
+    # The light that gets through is that of the pupil's area.
+    assert sizes[1][0] == pytest.approx(math.pi * 10.0**2, rel=3e-3)
+    assert sizes[0] == pytest.approx(sizes[1], rel=2e-2)

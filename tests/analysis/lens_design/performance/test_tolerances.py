@@ -2,11 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from raytracer.analysis.lens_design.performance.tolerances import tolerances
+from raytracer.analysis.lens_design.performance.tolerances import best_focus, tolerances
 from raytracer.optics.glass import constant_index_glass
-from tests.analysis.lens_design.benches import bench_at, plano_convex, thin_lens
+from tests.analysis.lens_design.benches import aspheric_pair, bench_at, plano_convex, thin_lens
 
 
 def test_derivatives_of_a_thin_lens():
@@ -49,3 +50,30 @@ def test_best_focus_of_third_order_spherical_aberration():
     assert found.best_focus_mm == pytest.approx(2.0 / 3.0 * marginal, rel=0.03)
     # And a third as large as at the paraxial focus.
     assert found.rms_on_axis_best_um == pytest.approx(found.rms_on_axis_um / 3.0, rel=0.02)
+
+
+def test_the_way_between_two_lenses():
+    # Back focus of two thin lenses d apart: f2 (f1 - d) / (f1 + f2 - d), here by the real lens's own matrices.
+    bench = bench_at(aspheric_pair())
+    found = tolerances(bench)
+    rss = math.sqrt(sum(row.back_focus_mm**2 for row in found.sensitivities))
+    assert found.rss_back_focus_mm == pytest.approx(rss)
+    for row in found.sensitivities:
+        step = row.step if row.unit != "%" else 1e-2 * row.step / float(bench.lens.elements[row.surface - 1].curvature)
+        assert row.back_focus_mm == pytest.approx(row.back_focus_per_unit * step, rel=0.05, abs=1e-9)
+
+
+def test_a_first_radius_before_a_flat_is_no_error_for_light_that_it_does_not_bend():
+    rows = {(row.surface, row.parameter): row for row in tolerances(bench_at(plano_convex())).sensitivities}
+    assert (1, "radius") not in rows
+    assert rows[1, "thickness"].back_focus_mm == 0.0
+    assert abs(rows[1, "thickness"].spot_um) < 1e-9
+
+
+def test_best_focus_is_the_least_of_a_scan():
+    rng = np.random.default_rng(5)
+    places, slopes = rng.normal(size=(400, 2)), rng.normal(size=(400, 2))
+    _, least, way = best_focus(places, slopes)
+    scan = [math.sqrt(float(((places + z * slopes) ** 2).sum(axis=1).mean())) for z in np.linspace(-0.5, 0.5, 2001)]
+    assert least == pytest.approx(min(scan), rel=1e-6)
+    assert way == pytest.approx(np.linspace(-0.5, 0.5, 2001)[int(np.argmin(scan))], abs=5e-4)
