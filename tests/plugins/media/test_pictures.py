@@ -203,6 +203,29 @@ ROOM = """
 """
 
 
+SHELL = "  - {type: sphere, center: [0.1, 0, 0.2], radius: 0.8, medium: smoke}\n"
+"""Of the same medium on both sides where the scene is full of it, so that it is nothing there, for shadow rays too."""
+
+
+@pytest.mark.parametrize(
+    ("objects", "extinction", "scene", "spp"),
+    [(ROOM, "[0.4, 1, 2.5]", "", 6144), (ROOM + SHELL, "[0.04, 0.1, 0.2]", "medium: smoke", 2048)],
+)
+def test_light_sampling_leaves_the_mean_alone(objects, extinction, scene, spp):
+    # Many times scattered, from and to surfaces within and outside of the fog, in the shadow of both.
+    smoke = f"smoke: {{type: homogeneous, extinction: {extinction}, albedo: [0.9, 0.3, 0.6], g: 0.4}}"
+    camera = "look_from: [0, 0.3, 4], look_at: [0, 0, 0], vfov: 35"
+    settings = {"filled": False, "spp": spp, "max_depth": 2000, "rr_depth": 3}
+    (a, deviation_a), (b, deviation_b) = (
+        mean(image(text(each, smoke, camera=camera, scene=scene), seed=seed, light_sampling=mode, **settings))
+        for seed, (each, mode) in enumerate(((objects, "mis"), (ROOM, "paths")), 1)
+    )
+    deviation = np.hypot(deviation_a, deviation_b)
+    assert (deviation < 0.02 * b).all(), "too noisy to tell"
+    assert (np.abs(a - b) < 4.5 * deviation).all(), (a, b, (a - b) / deviation)
+    assert (deviation_a < 0.5 * deviation_b).all(), "aiming at lights does not help"
+
+
 def test_a_constant_grid_looks_homogeneous(tmp_path):
     np.save(tmp_path / "half.npy", np.full((9, 3, 20), 0.5))
     camera = "look_from: [0, 0.3, 4], look_at: [0, 0, 0], vfov: 35"
