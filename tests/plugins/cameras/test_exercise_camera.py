@@ -13,12 +13,16 @@ CAMERAS = {
     "isometric": "{type: axonometric, look_from: [4, 4, 4], look_at: [0, 0, 0], height: 5}",
     "cabinet": "{type: axonometric, look_from: [0, 0, 4], height: 5, depth_scale: 0.5, depth_angle: 45}",
     "cavalier": "{type: axonometric, look_from: [0, 0, 4], height: 5, depth_scale: 1, depth_angle: 150 deg}",
+    "moving": "{type: axonometric, look_from: [4, 4, 4], look_at: [0, 0, 0], height: 5, medium: smoke, "
+    "shutter: 1/8 s, shake: {amplitude: 0 deg, bandwidth: 10 Hz}, motion: {velocity: [1, 0, 0]}}",
 }
 
 # Two small spheres stand for the ends of an edge along each axis; a floor fills the picture.
 SCENE = """
 film: {{width: 48, height: 40}}
 render: {{spp: 1, max_depth: 2}}
+media:
+  smoke: {{type: homogeneous, scattering: 0.001}}
 objects:
   - {{type: box, min: [-1, -1, -1], max: [1, 1, 1], material: {{type: lambertian}}}}
   - {{type: sphere, name: origin, center: [0, 0, 0], radius: 0.1, material: {{type: dielectric, priority: 1}}}}

@@ -215,15 +215,15 @@ def test_light_sampling_leaves_the_mean_alone(objects, extinction, scene, spp):
     # Many times scattered, from and to surfaces within and outside of the fog, in the shadow of both.
     smoke = f"smoke: {{type: homogeneous, extinction: {extinction}, albedo: [0.9, 0.3, 0.6], g: 0.4}}"
     camera = "look_from: [0, 0.3, 4], look_at: [0, 0, 0], vfov: 35"
-    settings = {"filled": False, "spp": spp, "max_depth": 2000, "rr_depth": 3}
+    settings = {"filled": False, "max_depth": 2000, "rr_depth": 3}
     (a, deviation_a), (b, deviation_b) = (
-        mean(image(text(each, smoke, camera=camera, scene=scene), seed=seed, light_sampling=mode, **settings))
-        for seed, (each, mode) in enumerate(((objects, "mis"), (ROOM, "paths")), 1)
+        mean(image(text(each, smoke, camera=camera, scene=scene), light_sampling=mode, spp=count, **settings))
+        for each, mode, count in ((objects, "mis", spp // 4), (ROOM, "paths", spp))
     )
     deviation = np.hypot(deviation_a, deviation_b)
     assert (deviation < 0.02 * b).all(), "too noisy to tell"
     assert (np.abs(a - b) < 4.5 * deviation).all(), (a, b, (a - b) / deviation)
-    assert (deviation_a < 0.5 * deviation_b).all(), "aiming at lights does not help"
+    assert (deviation_a < deviation_b).all(), "aiming at lights does not help four times"
 
 
 def test_a_constant_grid_looks_homogeneous(tmp_path):
