@@ -104,6 +104,13 @@ def test_points_land_where_the_formula_says(seen, name):
 
 
 def test_the_rest_of_the_program_knows_it(seen):
+    # Smoke around the camera, which nothing ends, hides the environment.
+    assert seen["isometric radiance"].any()
+    assert not seen["moving radiance"].any()
+    # In the middle of the exposure it stands 1/16 m further along x, which is 1 / sqrt(2) to the right and 1 / sqrt(6)
+    # downwards.
+    way = np.array([-1.0 / np.sqrt(2.0), -1.0 / np.sqrt(6.0)]) / 16.0 * (HEIGHT / SIZE)
+    np.testing.assert_allclose(seen["moving origin"] - seen["isometric origin"], way, atol=1e-6)
     effects = set(seen["effects"].tolist())
     assert "projection" in effects
     assert not {"defocus", "real_lens", "flare", "vignetting", "light_field"} & effects

@@ -133,6 +133,9 @@ def test_where_nothing_can_be_lit_nothing_is_aimed_at(mode):
     # And lights that make no difference there are no reason to refuse the scene.
     for lights in (SPOTLIT, PARALLEL, "environment: {type: sky}\n"):
         assert pack(spec_of(CAMERA + lights + mirror, mode)).scene.lights is None
+    for lights, depth in (("{type: gradient}", 4), ("{type: sky}", 1)):
+        text = f"{CAMERA}environment: {lights}\nobjects:\n{FLOOR}"
+        assert pack(spec_of(text, mode, render__max_depth=depth)).scene.lights is None
 
 
 @pytest.mark.parametrize(

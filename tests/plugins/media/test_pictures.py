@@ -7,6 +7,7 @@ share two compiled kernels: one with homogeneous media and one with a grid.
 import math
 import pickle
 
+import numba
 import numpy as np
 import pytest
 
@@ -254,6 +255,13 @@ objects: [{type: sphere, center: [0, 0, 0], radius: 1, material: {type: dielectr
     assert without.media is None
     # The same kernel for the same numbers: the same bits.
     assert pickle.dumps(clear) == pickle.dumps(without)
+
+
+def test_values_of_a_medium_are_not_part_of_the_type():
+    fogs = ("absorption: 1", "extinction: [1, 2, 3], albedo: 1, g: -1")
+    texts = [text(ABSORBING["a ball"][0], f"fog: {{type: homogeneous, {fog}}}", scene="SCENE") for fog in fogs]
+    whole = [each.replace("SCENE", keys) for each in texts for keys in ("", "medium: fog")]
+    assert len({numba.typeof(pack(scene(each, filled=False)).scene) for each in whole}) == 1
 
 
 def test_a_light_seen_edge_on_is_not_brighter_through_fog():
