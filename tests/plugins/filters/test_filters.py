@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.integrate import dblquad, quad
 from scipy.stats import norm
 
@@ -167,6 +168,12 @@ def test_a_wide_gaussian_is_a_disc():
     r2 = dx * dx + dy * dy
     assert abs(r2.mean() - 0.5) < 5.0 * r2.std() / math.sqrt(COUNT)
     assert Gaussian(sigma=1e-30, radius=1e30).pack().within == 1.0
+
+
+@pytest.mark.parametrize("keys", [{"sigma": 0.0}, {"sigma": -1.0}, {"radius": 0.0}])
+def test_filters_without_a_size_are_refused(keys):
+    with pytest.raises(ValidationError):
+        Gaussian(**keys)
 
 
 def test_every_kind_has_an_example():
