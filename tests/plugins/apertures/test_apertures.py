@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from raytracer.core.sampling import warp
 from raytracer.film.formats.base.image_format import StoredImage
@@ -58,6 +59,19 @@ def uniform(count=COUNT, seed=1):
     return np.random.default_rng(seed).random((count, 2))
 
 
+def outline(aperture, steps=20_000):
+    """Points (4 steps, 2) along the edge of an aperture, to which the edge of the square of numbers is taken."""
+    ramp, zero, one = np.arange(steps) / steps, np.zeros(steps), np.full(steps, np.nextafter(1.0, 0.0))
+    sides = [(one, ramp), (1.0 - ramp, one), (zero, 1.0 - ramp), (ramp, zero)]
+    return sampled(aperture, np.concatenate([np.stack(side, axis=1) for side in sides]))
+
+
+def area(points):
+    """Return the area of a polygon with these corners, anticlockwise, by the shoelace formula."""
+    (x, y), (next_x, next_y) = points.T, np.roll(points, -1, axis=0).T
+    return 0.5 * float((x * next_y - y * next_x).sum())
+
+
 # ---- Every kind
 
 
@@ -91,6 +105,20 @@ def test_anamorphic_is_the_ratio_of_height_to_width(keys):
     np.testing.assert_allclose(stretched, plain * [1.0 / math.sqrt(ratio), math.sqrt(ratio)], rtol=1e-15)
 
 
+@pytest.mark.parametrize(
+    "keys",
+    [
+        *({"type": "polygon", key: value} for key, value in (("blades", 2), ("blades", 5.5), ("curvature", 1.01))),
+        *({"type": "round", "anamorphic": value} for value in (0, math.inf)),
+        {"type": "polygon", "curvature": -0.1},
+        {"type": "image", "file": ""},
+    ],
+)
+def test_impossible_apertures_are_refused(keys):
+    with pytest.raises(ValidationError):
+        spec_of(**keys)
+
+
 # ---- Round
 
 
@@ -101,6 +129,7 @@ def test_stretched_round_is_an_ellipse_of_the_same_area():
     counts, _ = np.histogram(squares, bins=64, range=(0.0, 1.0))
     assert counts.sum() == COUNT
     chi2_counts(counts, np.full(64, COUNT / 64))
+    assert area(outline(packed(type="round", anamorphic=4))) == pytest.approx(math.pi, rel=1e-8)
 
 
 # ---- Polygon
@@ -152,6 +181,37 @@ def test_polygon_is_filled_evenly_and_no_more(keys):
     chi2_test(points, lambda at: is_inside(keys, at) / math.pi, bounds, [24, 24], order=48, tests=5)
 
 
+@pytest.mark.parametrize("keys", POLYGONS)
+def test_polygon_has_the_area_of_the_disc(keys):
+    assert area(outline(packed(type="polygon", **keys))) == pytest.approx(math.pi, rel=1e-7)
+
+
+@pytest.mark.parametrize("keys", POLYGONS[:4])
+def test_corners_are_where_the_rotation_puts_them(keys):
+    points = outline(packed(type="polygon", **keys), 50_000)
+    radius = np.hypot(*points.T)
+    result = np.arctan2(points[:, 1], points[:, 0])
+    assert radius.max() == pytest.approx(corner_radius(keys["blades"], keys.get("curvature", 0.0)), rel=1e-8)
+    # One local maximum of the radius a corner, there.
+    around = np.argsort(result)
+    peaks = around[(radius[around] > np.roll(radius[around], 1)) & (radius[around] >= np.roll(radius[around], -1))]
+    np.testing.assert_allclose(result[peaks], directions(keys), rtol=0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("curvature", [0.0, 0.2, 0.8])
+def test_edges_are_arcs_of_the_given_curvature(curvature):
+    # Through three points of one edge goes one circle; 1 / its radius = 4 area / product of the sides.
+    points = outline(packed(type="polygon", blades=5, curvature=curvature), 5000)
+    angle = np.arctan2(points[:, 1], points[:, 0])
+    edge = points[(angle > math.radians(20.0)) & (angle < math.radians(88.0))]
+    edge = edge[np.argsort(edge[:, 0])]
+    a, b, c = edge[0], edge[len(edge) // 2], edge[-1]
+    sides = math.dist(a, b) * math.dist(b, c) * math.dist(c, a)
+    assert 4.0 * abs(area(np.array([a, b, c]))) / sides == pytest.approx(
+        curvature / corner_radius(5, curvature), abs=1e-9
+    )
+
+
 def test_edges_straighten_and_round_off_without_a_jump():
     # From a curvature that is the next thing to none to the straight polygon, and likewise to the disc, here turned by
     # what takes the first edge to the right.
@@ -162,6 +222,15 @@ def test_edges_straighten_and_round_off_without_a_jump():
         np.testing.assert_allclose(near, straight, rtol=0.0, atol=1e-15 + 2.0 * curvature)
     nearly = sampled(packed(type="polygon", blades=5, curvature=1.0 - 1e-12, rotation=-126.0), numbers)
     np.testing.assert_allclose(nearly, sampled(None, numbers), rtol=0.0, atol=1e-5)
+
+
+def test_neighbouring_numbers_are_neighbouring_points():
+    # What is well spread over the square stays so over the polygon: no seam but where the disc has its own, none.
+    aperture = packed(type="polygon", blades=7, curvature=0.4, rotation=10)
+    numbers = uniform(20_000) * (1.0 - 2.0**-20)
+    for step in ([2.0**-20, 0.0], [0.0, 2.0**-20]):
+        distance = np.hypot(*(sampled(aperture, numbers + step) - sampled(aperture, numbers)).T)
+        assert distance.max() < 6.0 * 2.0**-20
 
 
 # ---- Image
@@ -187,6 +256,13 @@ def test_mask_is_reproduced_upright():
     inside = (first - [-1.5 * side, 1.5 * side]) / side
     counts, _, _ = np.histogram2d(*inside.T, bins=8, range=[(0.0, 1.0), (0.0, 1.0)])
     chi2_counts(counts, np.full((8, 8), len(first) / 64), tests=2)
+
+
+def test_only_proportions_of_the_transmission_count():
+    numbers = uniform(2000)
+    expected = sampled(packed(type="image", file="x"), numbers)
+    for factor in (0.125, 1024.0):
+        np.testing.assert_allclose(sampled(packed(LETTER * factor, type="image", file="x"), numbers), expected)
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,13 @@ def test_polygon_lets_through_what_is_on_the_near_side_of_all_edges(keys):
     np.testing.assert_array_equal(covered(packed(type="polygon", **keys), points) == 1.0, is_inside(keys, points))
 
 
+@pytest.mark.parametrize("curvature", [1e-30, 1e-15, 1e-9])
+def test_hardly_curved_edges_are_straight(curvature):
+    points = 4.0 * uniform(seed=6) - 2.0
+    straight, slight = (covered(packed(type="polygon", blades=5, curvature=bend), points) for bend in (0.0, curvature))
+    np.testing.assert_array_equal(slight, straight)
+
+
 @pytest.mark.parametrize("stretch", [1.0, 2.0])
 def test_mask_lets_through_what_its_pixels_do(stretch):
     # The letter upright: five rows of three pixels, each as wide as makes their sum pi, its brightest all clear.

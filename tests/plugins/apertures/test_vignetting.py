@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from raytracer.plugins.apertures.base.vignetting import Vignetting
 from tests.plugins.apertures.kernels import passed, sampled
@@ -47,3 +48,9 @@ def test_a_rim_smaller_than_the_lens_cuts_the_middle_too():
     points = sampled(None, np.random.default_rng(3).random((COUNT, 2)))
     weights = passed(Vignetting(diameter=1000.0, distance=1.0).pack(), points, 0.0, 0.0)
     np.testing.assert_array_equal(weights, np.hypot(*points.T) <= 0.5)
+
+
+@pytest.mark.parametrize("keys", [{"diameter": 50}, {"diameter": 0, "distance": 5}, {"diameter": 5, "distance": 0}])
+def test_impossible_rims_are_refused(keys):
+    with pytest.raises(ValidationError):
+        Vignetting.model_validate(keys)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import yaml
 from numpy.typing import NDArray
 from scipy import stats
 
@@ -16,10 +17,11 @@ from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
 from raytracer.plugins.cameras.camera_array import CameraArray
 from raytracer.plugins.cameras.light_slab import LightSlab
 from raytracer.plugins.cameras.thin_lens import ThinLens
-from raytracer.rendering.develop import _view_slices
+from raytracer.rendering.develop import _view_slices, light_field_layout
 from raytracer.rendering.render import render
 from raytracer.scene.load import build
 from raytracer.util.errors import InputError, SceneError
+from tests.moving import checked, moved
 from tests.plugins.cameras.kernels import camera_rays, projected, weighted_rays
 
 Array = NDArray[np.float64]
@@ -120,6 +122,9 @@ def test_film_positions_of_one_view_never_reach_another(size):
             for x in (-margin + 0.5, -0.25, 0.0, width - 1.0, width + margin - 0.5):
                 for y in (-margin + 0.5, 0.5, height + margin - 0.5):
                     assert film_to_view(packed, left + x, top + y) == (x, y)
+            # Pixels of a view are beside one another.
+            last = film_corner(packed, (column + 1) * width - 1, (row + 1) * height - 1)
+            assert last == (left + width - 1, top + height - 1)
 
 
 # ---- Openings
@@ -326,6 +331,17 @@ def test_the_mean_of_views_that_fill_a_lens_is_its_photograph():
     assert verdict.passed, verdict.reason
 
 
+@pytest.mark.slow
+def test_an_array_a_million_metres_away_sees_the_same(tmp_path):
+    result = yaml.safe_load(SCENE.format(camera="", film="", spp=128))
+    here, there = (render(checked(each, tmp_path), threads=2) for each in (result, moved(result, (1e6, -1e6, 1e6))))
+    one, other = here.image, there.image
+    assert "recentring" in there.stats.effects
+    verdict = z_test(one.radiance, one.variance, other.radiance, other.variance)
+    assert verdict.passed, verdict.reason
+    np.testing.assert_allclose(other.layout.views.pose.origin, [1e6, -1e6 + 0.5, 1e6 + 3.0])
+
+
 # ---- Photographs of many cameras
 
 
@@ -359,7 +375,33 @@ def test_lines_of_a_rolling_shutter_are_those_of_each_view():
     assert film_to_view(packed, left + 0.5, top + 0.25) == (7.5, 29.25)
 
 
+def test_the_pose_is_where_a_moving_array_is_in_the_middle_of_the_exposure():
+    layout = light_field_layout(scene(", shutter: {open: 0, close: 2}, motion: {velocity: [0.1, 0, 0]}"))
+    np.testing.assert_allclose(layout.views.pose.origin, [0.1, 0.5, 3.0], atol=1e-15)
+
+
 # ---- What is refused
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("rows: 0, columns: 2, spacing: 1", "camera.rows: must be at least 1, got 0"),
+        ("rows: 2, columns: 2000, spacing: 1", "camera.columns: must be at most 1024, got 2000"),
+        ("rows: 2, columns: 2, spacing: [1, 2, 3]", "camera.spacing: must be one number, or two"),
+        ("rows: 2, columns: 2, spacing: [1, -2]", "camera.spacing[1]: must be greater than 0"),
+    ],
+)
+def test_wrong_keys_are_told(keys, message):
+    with pytest.raises(SceneError) as caught:
+        build(f"camera: {{type: camera_array, {keys}}}\nfilm: {{width: 4, height: 4}}\n", "test.yaml")
+    assert message in str(caught.value)
+
+
+def test_crops_are_counted_in_pixels_of_the_whole_picture():
+    with pytest.raises(InputError, match="0,0,48,60"):
+        render(scene(), crop=(0, 0, 49, 60))
+
 
 NOISY = "sensor: {format: full_frame, noise: true, bayer: rggb}, f_number: 2, iso: 100, shutter: 1"
 

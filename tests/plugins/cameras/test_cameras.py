@@ -221,6 +221,32 @@ def test_edges_of_the_film_are_the_field_of_view(vfov, width, height):
         assert half == pytest.approx(1145.9, abs=0.1)
 
 
+def test_frame_is_orthonormal_however_close_up_is_to_the_view():
+    # Hard case 28: parallel is an error; 1e-6 rad off, the frame is orthonormal to 1e-12.
+    for angle in (1.0, 1e-3, 1e-6, 1e-9):
+        spec = camera(look_from=[0, 0, 0], look_at=[0, 0, -2], up=[0, math.sin(angle), -math.cos(angle)])
+        frame = np.array(spec.frame()[1:])
+        np.testing.assert_allclose(frame @ frame.T, np.eye(3), rtol=0.0, atol=1e-12)
+        # Right is that of the exact cross product, along +x for this up.
+        np.testing.assert_allclose(frame[0], [1.0, 0.0, 0.0], rtol=0.0, atol=1e-12)
+    for up in ([0, 0, 1], [0, 0, -3]):
+        with pytest.raises(ValidationError, match="parallel"):
+            camera(look_from=[0, 0, 0], look_at=[0, 0, -2], up=up)
+    # The square of 1e-300 is 0, by which nothing can be divided.
+    for near in ([1, 2, 0], [1, 2, 1e-300]):
+        with pytest.raises(ValidationError, match="same point"):
+            camera(look_from=near, look_at=[1, 2, 0])
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e30])
+def test_frames_do_not_depend_on_how_long_their_vectors_are(size):
+    # Down to the smallest and up to the largest that a scene may have, squares and their sums are numbers.
+    plain = camera(look_at=[0, 1, -2], up=[1, 2, 0])
+    spec = plain.model_copy(update={"look_at": (0.0, size, -2.0 * size), "up": (size, 2.0 * size, 0.0)})
+    np.testing.assert_allclose(np.array(spec.frame()[1:]), np.array(plain.frame()[1:]), rtol=0.0, atol=4e-16)
+    assert spec.distance() == pytest.approx(math.sqrt(5.0) * size, rel=1e-15)
+
+
 # ---- Thin lens
 
 
@@ -359,7 +385,10 @@ objects:
         ("orthographic", {"height": 1, "width": 1}, "give either height or width"),
         ("thin_lens", {"focus_distance": math.inf, "defocus_angle": 1.0}, "aperture"),
         ("thin_lens", {"defocus_angle": 1, "aperture": 10}, "give one of them"),
+        ("fisheye", {"fov": 361}, "360"),
         ("pinhole", {"vfov": 180}, "less than 180"),
+        ("pinhole", {"vfov": 0}, "greater than 0"),
+        ("pinhole", {"vfov": -10}, "greater than 0"),
     ],
 )
 def test_what_a_camera_cannot_be_is_refused(kind, keys, message):

@@ -13,12 +13,16 @@ CAMERAS = {
     "isometric": "{type: axonometric, look_from: [4, 4, 4], look_at: [0, 0, 0], height: 5}",
     "cabinet": "{type: axonometric, look_from: [0, 0, 4], height: 5, depth_scale: 0.5, depth_angle: 45}",
     "cavalier": "{type: axonometric, look_from: [0, 0, 4], height: 5, depth_scale: 1, depth_angle: 150 deg}",
+    "moving": "{type: axonometric, look_from: [4, 4, 4], look_at: [0, 0, 0], height: 5, medium: smoke, "
+    "shutter: 1/8 s, shake: {amplitude: 0 deg, bandwidth: 10 Hz}, motion: {velocity: [1, 0, 0]}}",
 }
 
 # Two small spheres stand for the ends of an edge along each axis; a floor fills the picture.
 SCENE = """
 film: {{width: 48, height: 40}}
 render: {{spp: 1, max_depth: 2}}
+media:
+  smoke: {{type: homogeneous, scattering: 0.001}}
 objects:
   - {{type: box, min: [-1, -1, -1], max: [1, 1, 1], material: {{type: lambertian}}}}
   - {{type: sphere, name: origin, center: [0, 0, 0], radius: 0.1, material: {{type: dielectric, priority: 1}}}}
@@ -100,6 +104,13 @@ def test_points_land_where_the_formula_says(seen, name):
 
 
 def test_the_rest_of_the_program_knows_it(seen):
+    # Smoke around the camera, which nothing ends, hides the environment.
+    assert seen["isometric radiance"].any()
+    assert not seen["moving radiance"].any()
+    # In the middle of the exposure it stands 1/16 m further along x, which is 1 / sqrt(2) to the right and 1 / sqrt(6)
+    # downwards.
+    way = np.array([-1.0 / np.sqrt(2.0), -1.0 / np.sqrt(6.0)]) / 16.0 * (HEIGHT / SIZE)
+    np.testing.assert_allclose(seen["moving origin"] - seen["isometric origin"], way, atol=1e-6)
     effects = set(seen["effects"].tolist())
     assert "projection" in effects
     assert not {"defocus", "real_lens", "flare", "vignetting", "light_field"} & effects

@@ -8,11 +8,13 @@ import pytest
 import raytracer as rt
 from raytracer.analysis.explain.camera_numbers import CameraView
 from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.lens_setup import equivalent_thin_lens
 from raytracer.optics.lens_system.pupils import search
+from raytracer.scene.digest import digest
 from raytracer.scene.load import build, build_plain
 from raytracer.scene.pack.scene import pack
 from raytracer.util.errors import SceneError
-from tests.optics.lens_system.lens_files import written
+from tests.optics.lens_system.lens_files import thin, written
 from tests.plugins.cameras.kernels import projected, weighted_rays
 from tests.repository import SCENES
 
@@ -133,6 +135,38 @@ def test_the_thin_lens_sees_as_much_and_blurs_as_much():
         weighted_rays(pack(each).scene.camera, np.full(4000, 180.0), 120.0)[2].mean() for each in (spec, thin_scene)
     ]
     assert light[0] == pytest.approx(light[1], rel=0.01)
+
+
+def test_a_scene_with_the_lens_is_explained():
+    result = rt.explain(scene(f_number=2.8, focus_distance=2))
+    assert result.camera["f_number"] == pytest.approx(2.8, rel=1e-3)
+    assert result.camera["focal_length_mm"] == pytest.approx(50.0, rel=5e-3)
+    assert result.camera["near_limit_m"] < 2.0 < result.camera["far_limit_m"]
+    assert "Thin lens in its place" in result.text()
+    assert result.json()["thin_lens"]["type"] == "thin_lens"
+
+
+def test_the_thin_lens_of_a_thin_piece_of_glass_is_that_glass(tmp_path):
+    path = thin(tmp_path, 50.0, 8.0)
+    for distance in (math.inf, 2.0, 0.3):
+        setting = scene(path, f_number=16, focus_distance=distance).camera.lens_setup()
+        result = equivalent_thin_lens(setting.surfaces, setting.film, 1e3 * distance)
+        expected = (50.0, 50.0 / 16.0, 16.0)
+        assert (result.focal_length, result.aperture, result.f_number) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("keys", [{"f_number": 2}, {}])
+def test_the_widest_stop_is_what_is_engraved(keys):
+    # f/2 is the engraved number; a lens whose rims make it f/2.003 is still set to f/2.
+    assert scene(**keys).camera.lens_setup().f_number == pytest.approx(2.0, rel=0.02)
+
+
+def test_a_lens_file_is_part_of_what_a_picture_depends_on(tmp_path):
+    text, found = DOUBLE_GAUSS.read_text(encoding="utf-8"), []
+    for each in (text, text.replace("29.475", "29.5")):
+        (tmp_path / "lens.yaml").write_text(each, encoding="utf-8")
+        found.append(digest(scene(tmp_path / "lens.yaml", focus_distance=2)))
+    assert found[0] != found[1]
 
 
 # ---- Mistakes

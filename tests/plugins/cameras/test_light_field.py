@@ -249,6 +249,7 @@ def test_views_see_from_where_they_are_said_to_be(raw):
     """Points before the plane of focus go left as the view goes right, by the one formula of `Views`."""
     layout = raw.layout
     field, views = layout.light_field(raw), layout.views
+    assert views.nearest() == (7, 7)
     shift = views.shift(1.0 / 1.2)
     rows, columns = np.mgrid[0:20, 0:20] + 0.5
     for row, column in ((7, 2), (7, 12), (2, 7), (12, 7)):
@@ -295,6 +296,16 @@ def test_small_microlenses_give_sharp_views_and_large_ones_many():
     assert numbers["refocus_far_m"] == math.inf
     near = [row["refocus_near_m"] for row in rows]
     assert near == sorted(near, reverse=True)
+
+
+def test_explain_prints_the_trade_off():
+    text = scene_text(_TEXT.format(camera="microlenses: {pixels: 15}"), width=WIDTH, height=WIDTH, filled=False)
+    result = explain(build(text, "test.yaml"))
+    text = result.text()
+    assert "Microlenses of other sizes before the same sensor" in text
+    assert [line.split()[:2] for line in text.splitlines() if line.endswith("  these")] == [["291.3", "15"]]
+    assert result.json()["trade_off"][2]["view_columns"] == 15
+    assert not result.warnings
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import math
 
+import numba
 import numpy as np
 import pytest
 
@@ -9,7 +10,7 @@ from raytracer.film.formats.base.image_format import StoredImage
 from raytracer.plugins.environments.base.equirectangular import equirectangular
 from raytracer.schema.registry import ENVIRONMENTS
 from tests.plugins.environments.kernels import density, drawn, seen
-from tests.small_scenes import assert_mean, image
+from tests.small_scenes import assert_mean, image, mean
 from tests.statistics import chi2_test
 
 RNG = np.random.default_rng(11)
@@ -143,6 +144,17 @@ def test_light_is_never_where_nothing_is_drawn_and_extreme_numbers_draw_sound_di
     assert (density(environment, DIRECTIONS)[bright] > 0.0).all()
     for values in drawn(environment, [(0.0, 0.0), (last, last), (0.5, 0.5), (0.0, last)]):
         assert np.isfinite(values).all()
+    poles_and_seam = np.array([[0, 1, 0], [0, -1, 0], [0, 0, -1], [-0.0, 0, -1], [0, 1, -0.0]], np.float64)
+    assert np.isfinite(seen(environment, poles_and_seam)).all()
+    assert np.isfinite(density(environment, poles_and_seam)).all()
+
+
+def test_a_hot_pixel_has_little_noise():
+    # Radiance over pdf is nearly the same for all: the whole sphere's light, 32 x 16 pixels of it hot in one.  Of
+    # uniform directions it would have a standard deviation of some 20 times the mean.
+    out = drawn(packed("hot pixel"), RNG.random((100_000, 2)))
+    each_one = out.radiance[:, 0] / out.pdf
+    assert each_one.std() < 0.2 * each_one.mean()
 
 
 def test_well_spread_numbers_give_well_spread_directions():
@@ -200,7 +212,31 @@ def test_maps_of_what_is_no_radiance_are_refused(value, words):
         equirectangular(picture)
 
 
+def test_maps_of_all_sizes_are_of_one_type():
+    assert numba.typeof(packed("one pixel")) == numba.typeof(packed("noise", 30.0))
+
+
 # ---- In a scene
+
+
+def test_aiming_changes_no_picture(tmp_path):
+    # The same scene with surfaces that aim at the map, and with paths that find it by themselves.
+    np.save(tmp_path / "map.npy", np.random.default_rng(2).random((6, 12, 3)) ** 3)
+    text = """
+camera: {type: pinhole, look_from: [0, 0, 9], look_at: [0, 0, 0], vfov: 8}
+environment: {type: image, file: map.npy}
+objects:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.7}}
+"""
+    aimed = image(text, base=tmp_path, spp=512)
+    followed = image(text, base=tmp_path, spp=2048, seed=2, light_sampling="paths")
+    (value, deviation), (other, other_deviation) = mean(aimed), mean(followed)
+    np.testing.assert_array_less(np.abs(value - other), 4.0 * np.hypot(deviation, other_deviation))
+    assert (np.hypot(deviation, other_deviation) < 0.01 * value).all()
+    # By pixels too: not more of them far apart than chance has it.
+    z = (aimed.radiance - followed.radiance) / np.sqrt(aimed.variance + followed.variance)
+    assert np.abs(z).max() < 5.0
+    assert 0.8 < z.std() < 1.2
 
 
 def test_a_small_bright_lamp_is_found(tmp_path):

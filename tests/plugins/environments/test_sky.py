@@ -11,6 +11,7 @@ from raytracer.plugins.environments.sky import (
     HEIGHT,
     SUN_ANGLE,
     color_matching,
+    linear_rec709,
     perez,
     skylight,
     sunlight,
@@ -87,6 +88,17 @@ def test_sky_is_bright_near_the_sun_and_blue_away_from_it():
     assert int(np.argmax(ring)) == 9
 
 
+def test_haze_whitens_and_the_sun_reddens_towards_the_horizon():
+    blueness = []
+    for turbidity in (2.0, 4.0, 8.0):
+        red, _, blue = seen(spec_of(sun_elevation=45, turbidity=turbidity).pack({}), up(80.0, 180.0))[0]
+        blueness.append(blue / red)
+    assert blueness[0] > blueness[1] > blueness[2] > 1.0
+    suns = [spec_of(sun_elevation=elevation, sun=True).sun_disc().irradiance for elevation in (60, 30, 10)]
+    redness = [red / blue for red, _, blue in suns]
+    assert 1.0 < redness[0] < redness[1] < redness[2]
+
+
 def test_direction_and_angles_are_the_same_sun():
     one, other = spec_of(sun_elevation=30, sun_azimuth=120), spec_of(sun_direction=list(4.0 * up(30.0, 120.0)))
     np.testing.assert_allclose(one.toward(), other.toward(), atol=1e-15)
@@ -144,6 +156,14 @@ def test_colour_matching_functions_are_normalised():
     # The CIE's are made so that their integrals are equal, 106.86 nm; the fit keeps that within a thousandth.
     integrals = color_matching(np.arange(360.0, 831.0)).sum(axis=1)
     np.testing.assert_allclose(integrals, 106.86, rtol=2e-3)
+
+
+def test_white_is_white():
+    # D65's chromaticity, luminance 1, is (1, 1, 1); the primaries' luminances are those of Rec. 709.
+    white = np.array([0.3127 / 0.3290, 1.0, (1.0 - 0.3127 - 0.3290) / 0.3290])
+    np.testing.assert_allclose(linear_rec709(white), 1.0, rtol=1e-12)
+    xyz_of_green = np.array([0.30, 0.60, 0.10]) / 0.60 * 0.7152
+    np.testing.assert_allclose(linear_rec709(xyz_of_green), [0.0, 1.0, 0.0], atol=1e-3)
 
 
 def test_scale_scales_and_zero_is_none():

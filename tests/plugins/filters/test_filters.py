@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from pydantic import ValidationError
+from scipy.integrate import dblquad, quad
 from scipy.stats import norm
 
 from raytracer.plugins.filters.base.interface import sample_filter
@@ -104,6 +105,28 @@ def test_gaussian_filters_pass_chi_square(name):
 
 
 @each
+def test_moments_are_those_of_the_filter(spec, function, radius):
+    # Mean weight 1, first moments 0, second moments by quadrature; each within its standard error.
+    dx, dy, weight = draw(spec).T
+    if function is mitchell:
+        second = 2.0 * quad(lambda x: x * x * mitchell_1d(x, spec), 0.0, 2.0, points=[1.0])[0]
+    elif function is gaussian:
+        second = quad(lambda r: math.pi * r**3 * float(gaussian(r, 0.0, spec)), 0.0, radius)[0]
+    else:
+        second = dblquad(lambda x, y: x * x * float(box(x, y, spec)), -radius, radius, -radius, radius)[0]
+    for values, expected in (
+        (weight, 1.0),
+        (weight * dx, 0.0),
+        (weight * dy, 0.0),
+        (weight * dx * dx, second),
+        (weight * dy * dy, second),
+        (weight * dx * dy, 0.0),
+    ):
+        error = values.std() / math.sqrt(COUNT)
+        assert abs(values.mean() - expected) <= bound(6 * len(CASES)) * error + 1e-12
+
+
+@each
 def test_weights_are_as_even_as_can_be(spec, function, radius):
     # No weights have a smaller second moment than those of samples drawn by |f|: the square of the integral of |f|.
     weight = draw(spec)[:, 2]
@@ -118,6 +141,8 @@ def test_weights_are_as_even_as_can_be(spec, function, radius):
 
 @pytest.mark.parametrize("b_and_c", [(1.0 / 3.0, 1.0 / 3.0), (0.0, 0.5), (1.0, 0.0), (0.7, 0.15)])
 def test_mitchells_cubics_are_a_partition_of_unity(b_and_c):
+    # With B = C = 1/3 the outer cubic is -(7/18) (x - 2)^2 (x - 8/7).
+    np.testing.assert_allclose(np.polyval(Mitchell().pack().cubics[1], [8.0 / 7.0, 2.0]), 0.0, atol=1e-14)
     # Mitchell and Netravali's first condition: the filters of all pixels together weigh every point by 1.
     packed = Mitchell(b=b_and_c[0], c=b_and_c[1]).pack()
     x = np.linspace(0.0, 1.0, 101)
@@ -143,6 +168,12 @@ def test_a_wide_gaussian_is_a_disc():
     r2 = dx * dx + dy * dy
     assert abs(r2.mean() - 0.5) < 5.0 * r2.std() / math.sqrt(COUNT)
     assert Gaussian(sigma=1e-30, radius=1e30).pack().within == 1.0
+
+
+@pytest.mark.parametrize("keys", [{"sigma": 0.0}, {"sigma": -1.0}, {"radius": 0.0}])
+def test_filters_without_a_size_are_refused(keys):
+    with pytest.raises(ValidationError):
+        Gaussian(**keys)
 
 
 def test_every_kind_has_an_example():

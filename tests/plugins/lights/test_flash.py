@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from raytracer.analysis.explain import explain
 from raytracer.core.shutter.timing import Timing
 from raytracer.plugins.lights.base.interface import Lights
 from raytracer.plugins.lights.flash import Flashes, FlashLight
@@ -146,6 +147,20 @@ def test_paths_have_a_time_only_where_the_flash_needs_it(shutter, lights, motion
 def test_a_flash_needs_an_exposure():
     with pytest.raises(SceneError, match=r"lights\[0\]: a flash needs a shutter that is open for some time"):
         pack(scene(text_of("time: 1", ON), filled=False))
+
+
+def test_what_no_surface_is_lit_by_is_left_out():
+    mirror = text_of("shutter: 1", ON, "{velocity: [1, 0, 0]}", "{type: metal, fuzz: 0}")
+    result = pack(scene(mirror, filled=False)).scene
+    assert result.lights is None
+    assert result.shutter.pulses is None
+
+
+def test_flashes_are_explained():
+    effects = explain(scene(text_of("shutter: {duration: 1, readout: 0.1}", ON), filled=False)).effects
+    active = {name: effects[name].active for name in ("light.flash", "rolling_shutter", "motion_blur")}
+    assert active == {"light.flash": True, "rolling_shutter": True, "motion_blur": False}
+    assert effects["light_sampling"].why == "next-event estimation samples 1 flash light"
 
 
 # ---- Pictures

@@ -57,6 +57,9 @@ def test_every_kind_has_an_example():
 def test_samples_are_sound(kind, keys):
     aimed = aim(lights_of(kind, keys), None, POINT, 1000)
     np.testing.assert_allclose(np.linalg.norm(aimed.direction, axis=1), 1.0, rtol=1e-14)
+    # Integers or numbers, one or many lights: the same compiled code.
+    fields = [field for field in table_of(kind, keys, keys) if isinstance(field, np.ndarray)]
+    assert all(field.dtype == np.float64 and field.flags.c_contiguous and len(field) == 2 for field in fields)
     way = aimed.target - POINT
     np.testing.assert_allclose(way / np.linalg.norm(way, axis=1)[:, None], aimed.direction, atol=1e-14)
     assert np.isfinite(aimed.weight).all()
@@ -132,10 +135,18 @@ def test_spot_is_weighted_by_its_flux(angle, penumbra):
     assert spec.solid_angle() == pytest.approx(2.0 * math.pi * (np.sin(t) * fall).sum() * half / 200_000, rel=1e-8)
 
 
+def test_direction_and_look_at_are_the_same_axis():
+    keys = {"position": [1, 2, 3], "intensity": 1, "angle": 40}
+    one = table_of("spot", {**keys, "look_at": [0, 0, 3]})
+    other = table_of("spot", {**keys, "direction": [-1e-30, -2e-30, 0]})
+    np.testing.assert_allclose(one.axis, other.axis, rtol=1e-15)
+    np.testing.assert_allclose(one.axis, [[-1.0 / math.sqrt(5.0), -2.0 / math.sqrt(5.0), 0.0]], rtol=1e-15)
+
+
 # ---- Sun
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-6, 0.53, 10.0, 90.0, 180.0])
+@pytest.mark.parametrize("angle", [0.0, 1e-30, 1e-6, 0.53, 10.0, 90.0, 180.0])
 def test_sun_gives_its_irradiance_at_any_angle(angle):
     # A disc wholly above the horizon gives E cos, whatever its size, since its mean direction is its middle.
     direction = np.array([0.3, -1.0, 0.2])
@@ -151,7 +162,10 @@ def test_sun_gives_its_irradiance_at_any_angle(angle):
     chord = np.linalg.norm(aimed.direction - toward, axis=1)
     assert chord.max() <= 2.0 * math.sin(math.radians(angle / 4.0)) + 1e-15
     assert np.isneginf(aimed.gap).all()
+    # Only a disc without a size is parallel light.
     assert np.isinf(aimed.pdf).all() == (angle == 0.0)
+    sun = LIGHTS.specs()["sun"].model_validate({"type": "sun", **keys})
+    assert sun.is_visible_to_paths() == (angle != 0.0)
 
 
 def test_sun_is_drawn_evenly_over_its_disc():

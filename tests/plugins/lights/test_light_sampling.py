@@ -126,6 +126,18 @@ def test_the_setting_is_part_of_the_type():
     assert pack(spec_of(CAMERA + "objects:\n" + FLOOR + LAMP, "paths")).scene.lights is None
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_where_nothing_can_be_lit_nothing_is_aimed_at(mode):
+    mirror = "objects:\n  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal, fuzz: 0}}\n"
+    assert isinstance(pack(spec_of(CAMERA + SUN + mirror, mode)).scene.lights, NoLightSampling)
+    # And lights that make no difference there are no reason to refuse the scene.
+    for lights in (SPOTLIT, PARALLEL, "environment: {type: sky}\n"):
+        assert pack(spec_of(CAMERA + lights + mirror, mode)).scene.lights is None
+    for lights, depth in (("{type: gradient}", 4), ("{type: sky}", 1)):
+        text = f"{CAMERA}environment: {lights}\nobjects:\n{FLOOR}"
+        assert pack(spec_of(text, mode, render__max_depth=depth)).scene.lights is None
+
+
 @pytest.mark.parametrize(
     ("text", "kind"),
     [
@@ -299,6 +311,11 @@ SCENES = {
             (1.2, "rough_dielectric, roughness: 0.4"),
         )
     ),
+    "a hollow lamp with holes": CAMERA
+    + "objects:\n"
+    + FLOOR
+    + "  - type: sphere\n    center: [0, 0.9, -1]\n    radius: 0.7\n"
+    + "    material: {type: cutout, material: {type: emitter, radiance: 4, two_sided: true}}\n",
 }
 
 
@@ -328,3 +345,17 @@ objects:
         + LAMP
     )
     assert_one_mean(pictures(text, ("mis", "lights"), render__spp=1024), noise=0.02)
+
+
+@pytest.mark.slow
+def test_glowing_glass_does_not_light_itself_from_nowhere():
+    # Points on a sphere, from which it is aimed at itself: through its inside to the far wall, and not where they are.
+    text = """
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 25}
+objects:
+  - type: sphere
+    center: [0.1, 0.2, 0]
+    radius: 1
+    material: {type: principled, transmission: 0.7, roughness: 0.5, emission: 1}
+"""
+    assert_one_mean(pictures(text, render__spp=1024), noise=0.005)

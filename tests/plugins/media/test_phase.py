@@ -48,3 +48,21 @@ def test_it_is_the_published_formula(g):
     toward = directions(np.stack([cosine, np.zeros(41)], axis=1))
     formula = (1.0 - g * g) / (4.0 * math.pi * (1.0 + g * g - 2.0 * g * cosine) ** 1.5)
     np.testing.assert_allclose(evaluate_many(medium(g), UP, toward), formula, rtol=1e-12)
+
+
+@pytest.mark.parametrize("g", [0.999999, -0.999999, 1.0 - 2.0**-53, 2.0**-53 - 1.0, 1.0, -1.0])
+def test_narrow_lobes_stay_right_and_no_choice_is_no_density(g):
+    ends = np.array([[0.0, 0.0], [1.0 - 2.0**-53, 0.5], [0.5, 0.25]])
+    outgoing, pdf, again = scatter_many(medium(g), ASKEW, ends if abs(g) == 1.0 else numbers(10_000))
+    np.testing.assert_allclose(outgoing @ np.array(ASKEW), math.copysign(1.0, g), atol=0.01)
+    assert (pdf > 0.0).all()
+    if abs(g) == 1.0:
+        # Hard case 45: g = +-1 makes 0 / 0 of the formula.
+        np.testing.assert_array_equal(outgoing, np.broadcast_to(g * np.array(ASKEW), (3, 3)))
+        assert np.isinf(pdf).all()
+        assert not again.any()
+        return
+    assert np.isfinite([pdf, again]).all()
+    # A cosine that float64 can tell from 1: the quantile function at u = 1/2, 1 - cos = (1 - g)^2 (1 + g/2) ~ 1.5e-12.
+    if abs(g) < 1.0 - 1e-9:
+        np.testing.assert_allclose(again, pdf, rtol=1e-3)

@@ -7,6 +7,7 @@ share two compiled kernels: one with homogeneous media and one with a grid.
 import math
 import pickle
 
+import numba
 import numpy as np
 import pytest
 
@@ -203,6 +204,29 @@ ROOM = """
 """
 
 
+SHELL = "  - {type: sphere, center: [0.1, 0, 0.2], radius: 0.8, medium: smoke}\n"
+"""Of the same medium on both sides where the scene is full of it, so that it is nothing there, for shadow rays too."""
+
+
+@pytest.mark.parametrize(
+    ("objects", "extinction", "scene", "spp"),
+    [(ROOM, "[0.4, 1, 2.5]", "", 6144), (ROOM + SHELL, "[0.04, 0.1, 0.2]", "medium: smoke", 2048)],
+)
+def test_light_sampling_leaves_the_mean_alone(objects, extinction, scene, spp):
+    # Many times scattered, from and to surfaces within and outside of the fog, in the shadow of both.
+    smoke = f"smoke: {{type: homogeneous, extinction: {extinction}, albedo: [0.9, 0.3, 0.6], g: 0.4}}"
+    camera = "look_from: [0, 0.3, 4], look_at: [0, 0, 0], vfov: 35"
+    settings = {"filled": False, "max_depth": 2000, "rr_depth": 3}
+    (a, deviation_a), (b, deviation_b) = (
+        mean(image(text(each, smoke, camera=camera, scene=scene), light_sampling=mode, spp=count, **settings))
+        for each, mode, count in ((objects, "mis", spp // 4), (ROOM, "paths", spp))
+    )
+    deviation = np.hypot(deviation_a, deviation_b)
+    assert (deviation < 0.02 * b).all(), "too noisy to tell"
+    assert (np.abs(a - b) < 4.5 * deviation).all(), (a, b, (a - b) / deviation)
+    assert (deviation_a < deviation_b).all(), "aiming at lights does not help four times"
+
+
 def test_a_constant_grid_looks_homogeneous(tmp_path):
     np.save(tmp_path / "half.npy", np.full((9, 3, 20), 0.5))
     camera = "look_from: [0, 0.3, 4], look_at: [0, 0, 0], vfov: 35"
@@ -231,6 +255,13 @@ objects: [{type: sphere, center: [0, 0, 0], radius: 1, material: {type: dielectr
     assert without.media is None
     # The same kernel for the same numbers: the same bits.
     assert pickle.dumps(clear) == pickle.dumps(without)
+
+
+def test_values_of_a_medium_are_not_part_of_the_type():
+    fogs = ("absorption: 1", "extinction: [1, 2, 3], albedo: 1, g: -1")
+    texts = [text(ABSORBING["a ball"][0], f"fog: {{type: homogeneous, {fog}}}", scene="SCENE") for fog in fogs]
+    whole = [each.replace("SCENE", keys) for each in texts for keys in ("", "medium: fog")]
+    assert len({numba.typeof(pack(scene(each, filled=False)).scene) for each in whole}) == 1
 
 
 def test_a_light_seen_edge_on_is_not_brighter_through_fog():

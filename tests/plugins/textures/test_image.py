@@ -22,6 +22,11 @@ def test_row_0_is_at_the_top_and_texels_lie_in_the_middle_of_their_squares():
         np.testing.assert_allclose(result(RAMP, uv, filter=filtering), RAMP.ravel(), atol=1e-7)
 
 
+def test_halfway_between_texels_is_their_mean():
+    mean = [(RAMP[0, 0] + RAMP[0, 1]) / 2, (RAMP[0, 1] + RAMP[1, 1]) / 2, RAMP[:, :2].mean()]
+    np.testing.assert_allclose(result(RAMP, [(1 / 3, 0.75), (0.5, 0.5), (1 / 3, 0.5)]), mean, atol=1e-7)
+
+
 def test_nearest_has_steps_in_the_middle_between_texels():
     just = 1e-9
     uv = [(1 / 3 - just, 0.75), (1 / 3 + just, 0.75), (0.5, 0.5 + just), (0.5, 0.5 - just)]
@@ -119,6 +124,8 @@ def test_pictures_of_several_sizes_and_channels_share_a_table():
     specs = [spec_of("image", file=str(number)) for number in range(3)]
     files = [picture(np.full(shape, value)) for shape, value in (((2, 3), 10), ((5, 1, 3), 20), ((1, 1, 4), 30))]
     assert len({spec.group(assets) for spec, assets in zip(specs, files, strict=True)}) == 1
+    # Bytes stay bytes in memory.
+    assert table_of(specs[0], files=files[1]).texels.nbytes == 5 * 1 * 3
     table = type(specs[0]).pack(specs, files)
     assert len(table.texels) == 6 + 15 + 3
     for index, value in enumerate((10, 20, 30)):

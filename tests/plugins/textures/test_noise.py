@@ -32,6 +32,13 @@ def test_its_mean_is_zero_and_it_keeps_to_its_range():
     assert 0.22 < values.std() < 0.31
 
 
+def test_each_direction_is_like_the_others():
+    points = random_points(200_000)
+    step = 1e-3
+    rates = [np.mean(((noise(points + step * axis) - noise(points)) / step) ** 2) for axis in np.eye(3)]
+    assert np.std(rates) < 0.02 * np.mean(rates)
+
+
 def test_it_is_twice_continuously_differentiable_across_cells():
     # One-sided second differences at a wall between cells differ by O(h), those of a kink in the slope by O(1 / h), and
     # those of the cubic fade of 1985 by a constant.

@@ -121,6 +121,17 @@ def test_degenerate_coordinates_have_no_tangents(tmp_path):
     assert not np.concatenate([result.tangent, result.bitangent]).any()
 
 
+@pytest.mark.parametrize(("u", "v"), [("s", "t"), ("u", "v"), ("texture_u", "texture_v")])
+def test_ply_files_have_coordinates_under_several_names(tmp_path, u, v):
+    path = tmp_path / "a.ply"
+    properties = "".join(f"property float {name}\n" for name in ("x", "y", "z", u, v))
+    path.write_text(
+        f"ply\nformat ascii 1.0\nelement vertex 3\n{properties}element face 1\n"
+        "property list uchar int vertex_indices\nend_header\n0 0 0 0.1 0.2\n1 0 0 0.3 0.4\n0 1 0 0.5 0.6\n3 0 1 2\n"
+    )
+    np.testing.assert_allclose(read_mesh(path).uv, [(0.1, 0.2), (0.3, 0.4), (0.5, 0.6)])
+
+
 def test_seams_keep_both_of_their_coordinates(tmp_path):
     # The vertex 1 has one coordinate in each triangle.
     path = tmp_path / "seam.obj"
