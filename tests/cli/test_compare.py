@@ -40,6 +40,7 @@ def test_bounds(images, rt):
     assert out.endswith("PASS\n")
     out = rt(f"compare c.png b.png {PLAIN} --fail-above MAE=0.5 --fail-below PSNR=99", status=1).out
     assert "FAIL: PSNR is 2" in out
+    rt("compare c.exr b.exr --fail-above mae=0.5 --metric mae")
     rt("compare c.exr b.exr --fail-above mae=0.5 --metric mae --test", status=1)
 
 

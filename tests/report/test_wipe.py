@@ -98,9 +98,10 @@ def test_a_finger_moves_the_divider(open_page, tmp_path):
     assert page.evaluate("wipe.position") == pytest.approx(0.3, abs=0.01)
 
 
-def test_zoomed_a_pixel_is_so_many_pixels_of_the_screen(open_page, tmp_path):
+@pytest.mark.parametrize("device_scale_factor", [1, 2])
+def test_zoomed_a_pixel_is_so_many_pixels_of_the_screen(open_page, tmp_path, device_scale_factor):
     noise = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
-    page = wiping(open_page, tmp_path, html.png(noise), None, device_scale_factor=2)
+    page = wiping(open_page, tmp_path, html.png(noise), None, device_scale_factor=device_scale_factor)
     page.evaluate("wipe.show(data.left)")
     page.evaluate("wipe.shown")
     for zoom in (2, 4):

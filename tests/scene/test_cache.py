@@ -166,6 +166,18 @@ def test_a_file_is_read_once_until_it_changes(tmp_path):
         cache.read("mesh", path)
 
 
+def test_a_changed_file_is_another_world(rich):
+    cache, spec = RenderCache(), load(rich)
+    before = pack(spec, provider=cache)
+    _write_mesh(rich.parent / "mesh.ply", 0.5)
+    after = pack(spec, provider=cache)
+    assert is_identical(after._replace(built=None), _alone(spec))
+    assert not is_identical(before.objects.geometries, after.objects.geometries)
+    (rich.parent / "wood.png").unlink()
+    with pytest.raises(InputError, match=r"wood\.png: no such file"):
+        pack(spec, provider=cache)
+
+
 def test_a_mesh_is_read_again_when_a_file_that_it_names_changes(tmp_path):
     cache, path = RenderCache(), tmp_path / "triangle.gltf"
     write_gltf(path, buffers=[{"uri": "points.bin", "byteLength": 36}])

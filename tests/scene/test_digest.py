@@ -172,6 +172,21 @@ def test_the_program_and_the_libraries_that_compute_and_read_files_count(monkeyp
     assert len(seen) == 5
 
 
+def test_an_overridden_scene_has_the_digest_of_one_that_was_loaded_so():
+    scene = build(PLAIN, "a.yaml")
+    digest(scene)
+    for overrides in ({"camera.vfov": 20}, {"objects.ball.radius": 2}, {"objects.ball.radius": 3}):
+        assert digest(scene.replace(overrides)) == digest(build(PLAIN, "a.yaml", overrides))
+
+
+def test_scenes_that_share_their_first_object_differ_by_the_others():
+    scene = build(PLAIN, "a.yaml")
+    second = build(PLAIN.replace("ball", "other"), "a.yaml").objects[0]
+    third = build(PLAIN.replace("ball", "other").replace("radius: 1", "radius: 2"), "a.yaml").objects[0]
+    scenes = [scene.model_copy(update={"objects": (*scene.objects, other)}) for other in (second, third)]
+    assert len({digest(one) for one in (scene, *scenes)}) == 3
+
+
 def test_what_each_file_holds_counts(folder):
     before = digest(scene_in(folder))
     assert digest(scene_in(folder)) == before

@@ -73,6 +73,7 @@ def test_defaults():
         ("materials:", "materials: 3\nm:", "scene.yaml:6: materials: must be a mapping, got 3"),
         ("objects:", "objects:\n  3\no:", "scene.yaml:8: objects: must be a list, got 3"),
         (SCENE, "- 1\n", "scene.yaml:1: must be a mapping (camera, film"),
+        (SCENE, "", "scene.yaml: is empty; a scene needs at least camera and film"),
         (SCENE, "~\n", "scene.yaml: is empty; a scene needs at least camera and film"),
         # Of several errors the first in the document.
         (

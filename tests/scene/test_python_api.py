@@ -15,6 +15,7 @@ objects:
 
 
 def test_load_render_save(tmp_path):
+    assert not hasattr(rt, "nonsense")
     path = tmp_path / "ball.yaml"
     path.write_text(SCENE)
     scene = rt.load(path, {"film.width": 12})

@@ -152,6 +152,13 @@ class Ball(ObjectSpec):
     solid: bool = False
 
 
+def test_spec_is_frozen_and_hashable():
+    ball = Ball(size=1.0)
+    with pytest.raises(ValidationError):
+        ball.size = 2.0
+    assert hash(ball) == hash(Ball(size=1.0))
+
+
 @pytest.mark.parametrize(
     ("value", "place", "words"),
     [

@@ -3,7 +3,7 @@
 import pytest
 from pydantic import ValidationError, model_validator
 
-from raytracer.schema.rules import exclusive, never, only, requires, some_of
+from raytracer.schema.rules import exclusive, never, only, requires, some_of, together
 from raytracer.schema.spec import Spec, field_error
 from raytracer.schema.validation_errors import error_sentence
 
@@ -71,8 +71,20 @@ def test_some_of_is_about_the_mapping():
     class One(Keys):
         _one = some_of("a", "b", most=1, message="needs a or b")
 
-    assert error_of(One, a=1) is None
-    assert error_of(One) == error_of(One, a=1, b=1) == ((), "needs a or b")
+    class Some(Keys):
+        _any = some_of("a", "b", message="needs a or b")
+
+    assert error_of(One, a=1) is error_of(Some, a=1) is error_of(Some, a=1, b=1) is None
+    assert error_of(One) == error_of(One, a=1, b=1) == error_of(Some) == ((), "needs a or b")
+
+
+def test_together_points_at_what_is_missing():
+    class Pair(Keys):
+        _pair = together("a", "b", message="is missing")
+
+    assert error_of(Pair) is error_of(Pair, a=1, b=1) is None
+    assert error_of(Pair, a=1) == (("b",), "is missing")
+    assert error_of(Pair, b=1) == (("a",), "is missing")
 
 
 def test_rules_and_validators_are_checked_in_their_order_and_inherited():

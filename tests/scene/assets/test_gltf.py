@@ -256,6 +256,7 @@ BROKEN = [
     ("has broken base64 text as image 0", "images", {"uri": "data:image/png;base64,!!!"}),
     ("broken", "images", {"uri": data_uri(b"\x89PNG and no more")}),
     ("an image of a format that is not supported (number 0", "images", {"uri": data_uri(b"GIF89a")}),
+    ("names item '../../secret.png' of its images", "textures", {"source": "../../secret.png"}),
     ("names item 99 of its bufferViews", "images", {"bufferView": 99}),
 ]
 

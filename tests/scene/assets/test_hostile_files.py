@@ -125,16 +125,29 @@ CLAIMS = {
     "60000.png": (png(60_000, 60_000, bytes(1000)), "is 60000 x 60000 pixels, and at most 268,435,456 are read"),
     "16000.png": (png(16_000, 16_000, bytes(1000)), "is 16000 x 16000 pixels in 74 bytes"),
     "plain.webp": (claiming(8192), "is 8192 x 8192 pixels in 60 bytes"),
+    "window.exr": (exr(15_999, 15_999), "is 16000 x 16000 pixels in"),
     "tile.exr": (tiled(16_384), "has tiles of 16384 x 16384 for 6 x 4 pixels"),
+    "wide.exr": (exr(2**31 - 2, 0), "broken"),
     "large.hdr": (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 30000 +X 30000\n" + bytes(100), "at most 268,435,456"),
     "trillion.npy": (npy("{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 1000000, 3), }"), "cut off"),
+    "overflow.npy": (
+        npy("{'descr': '<f4', 'fortran_order': False, 'shape': (4611686018427387904, 4, 4), }"),
+        "cut off",
+    ),
     "negative.npy": (
         npy("{'descr': '<f4', 'fortran_order': False, 'shape': (-4, -4, 3), }", bytes(96)),
         "none|cut off",
     ),
     "header.npy": (b"\x93NUMPY\x02\x00" + struct.pack("<I", 4 * 10**9) + b"{" * 100, "cut off"),
+    "brackets.npy": (npy("(" * 900), "broken"),
+    "minuses.npy": (npy("-" * 9000 + "1"), "broken"),
     "types.npy": (npy(f"{{'descr': '{','.join(['f4'] * 2000)}', 'fortran_order': False, 'shape': (1,), }}"), "numbers"),
     "trillion.ply": (ply("ascii", 999_999_999_999, 1, b"0 0 0\n"), "ends early"),
+    "list.ply": (
+        ply("binary_little_endian", 3, 2, bytes(36) + struct.pack("<I3iI3i", 3, 0, 1, 2, 2**32 - 16, 0, 1, 2)),
+        "cannot be read|ends early",
+    ),
+    "newlines.ply": (b"ply\nformat ascii 1.0" + b"\n" * 60_000, "does not begin as a PLY file"),
     "count.stl": (bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(500), "ends early"),
     "corners.obj": (
         b"v 0 0 0\n" * 3 + b"f " + b"1 2 3 " * 200_000,
@@ -142,7 +155,10 @@ CLAIMS = {
     ),
     "forms.obj": (b"v 0 0 0\n" * 3 + b"".join(b"f 1%s 2 3\n" % (b"/" * n) for n in range(900)), "indices of one kind"),
     "brackets.gltf": (b"[" * 100_000, "nested too deeply"),
+    "digits.gltf": (b'{"a":' + b"9" * 10_000 + b"}", "no JSON that can be read"),
     "column.csv": (b"x" * 100_000 + b",y,z\n1,2,3\n", "unknown column 'xxx"),
+    "field.csv": (b"x,y,z\n" + b"1" * 200_000 + b",2,3\n", "field limit"),
+    "zero.csv": (b"x,y,z\n1,\x002,3\n", "must be a number"),
     "angle.csv": (b"x,y,z,angle,axis_x\n1,2,3,1e308,1e308\n", "is not finite"),
 }
 
@@ -189,6 +205,15 @@ def test_arrays_are_what_numpy_reads():
                 parse_npy(file.getvalue()[:-1])
 
 
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.jpg"])
+def test_only_the_formats_of_the_table_are_read_whatever_a_file_is_called(name, tmp_path):
+    # Pillow hands PostScript to another program.
+    path = tmp_path / name
+    path.write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 10 10\n%%EndComments\nshowpage\n")
+    for read in readers(path.suffix):
+        assert "broken, or no" in refused(path, read)
+
+
 # ---- What is no file
 
 
@@ -223,16 +248,29 @@ def gltf(folder, **more):
     return write_gltf(folder / "a.gltf", **more)
 
 
+DAG = [*({"children": [number + 1, number + 1]} for number in range(40)), {"mesh": 0}]
+
 BROKEN = {
     "a cycle of nodes": ({"nodes": [{"children": [1]}, {"children": [0], "mesh": 0}]}, "node 0 in more than one place"),
+    "a node below itself": ({"nodes": [{"children": [0], "mesh": 0}]}, "node 0 in more than one place"),
+    "2^40 ways to a node": ({"nodes": DAG}, "in more than one place of its tree"),
+    "a thousand million elements": ({"accessors": accessor(count=10**9)}, "goes beyond its data"),
+    "elements without data": ({"accessors": [{"componentType": 5126, "count": 10**9, "type": "VEC3"}]}, "without data"),
     "a negative offset": ({"accessors": accessor(byteOffset=-4)}, "byteOffset that is no integer from 0 on: -4"),
     "an offset beyond 64 bits": ({"accessors": accessor(byteOffset=2**70)}, "goes beyond its data"),
     "a stride of one byte": ({"bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 1}]}, "a byteStride of 1"),
     "a view beyond its buffer": ({"bufferViews": [{"buffer": 0, "byteLength": 37}]}, "ends early"),
+    "a matrix that is not finite": (
+        {"nodes": [{"mesh": 0, "matrix": [1e999] * 16}]},
+        "matrix that is not 16 finite numbers",
+    ),
+    "a huge matrix": ({"nodes": [{"mesh": 0, "scale": [1e300] * 3}]}, "vertex that is not finite"),
     "a number of 400 digits": ({"nodes": [{"mesh": 0, "scale": [10**400] * 3}]}, "scale that is not 3 finite numbers"),
     "a rotation of zeros": ({"nodes": [{"mesh": 0, "rotation": [0, 0, 0, 0]}]}, "rotation that is none"),
     "compressed meshes": ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "needs the extension KHR_draco"),
     "an address on the net": ({"buffers": [{"uri": "http://example.org/a.bin"}]}, "and only files are read"),
+    "an address of a file": ({"buffers": [{"uri": "file:///etc/passwd"}]}, "and only files are read"),
+    "an address that is none": ({"buffers": [{"uri": ["a"]}]}, "and only files are read"),
     "an address with a zero": ({"buffers": [{"uri": "a%00b"}]}, "cannot be read"),
 }
 
@@ -328,6 +366,22 @@ def test_sparse_elements_without_data_are_zeros_but_where_they_are_replaced(tmp_
     np.testing.assert_array_equal(read_mesh(mesh).vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
     huge = [{"componentType": 5126, "count": 10**9, "type": "VEC3", "sparse": sparse}]
     assert "too many accessors" in refused(gltf(tmp_path, accessors=huge), read_mesh)
+
+
+def test_parts_without_triangles_are_left_out(tmp_path):
+    indices = {"bufferView": 0, "componentType": 5123, "count": 0, "type": "SCALAR"}
+    attributes = [{"attributes": {"POSITION": 0}}, {}, {"attributes": {"POSITION": 1}}]
+    primitives = [*attributes, {"attributes": {"POSITION": 0}, "indices": 2}]
+    accessors = [*accessor(), *accessor(count=0), indices]
+    mesh = read_mesh(gltf(tmp_path, accessors=accessors, meshes=[{"primitives": primitives}]))
+    np.testing.assert_array_equal(mesh.vertices, CORNERS)
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+
+
+def test_a_file_of_many_parts_is_read_if_it_has_them(tmp_path, monkeypatch):
+    monkeypatch.setattr("raytracer.scene.assets.gltf_geometry.MAX_PIECES", 8)
+    nodes = [{"children": list(range(1, 31))}, *({"mesh": 0} for _ in range(30))]
+    assert len(read_mesh(gltf(tmp_path, nodes=nodes)).faces) == 30
 
 
 # ---- Noise

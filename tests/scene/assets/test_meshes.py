@@ -170,6 +170,16 @@ def test_a_ply_file_as_blender_writes_it(polygons, edges, written):
     np.testing.assert_array_equal(mesh.normals, [[0, 0, 1]] * 5)
 
 
+def test_obj_indices_below_zero_count_back_from_their_face(written):
+    # The format's own rule; the second vertex -1 is not the first.
+    text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 0 2\nv 1 0 2\nv 1 1 2\nf -3 -2 -1\nf 1 -1 2\n"
+    vertices = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 0, 2), (1, 0, 2), (1, 1, 2)], dtype=float)
+    expected = RawMesh(vertices, np.array([(0, 1, 2), (3, 4, 5), (0, 5, 1)]), None)
+    assert soup(read_mesh(written("a.obj", text))) == soup(expected)
+    counted = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\nv 0 0 2\nv 1 0 2\nv 1 1 2\nf 4 5 6\nf 1 6 2\n"
+    assert soup(read_mesh(written("b.obj", counted))) == soup(expected)
+
+
 def test_obj_with_everything_that_is_left_out(written):
     text = (
         b"# a comment\nmtllib none.mtl\no thing\ng group\nusemtl red\ns off\n"
@@ -256,6 +266,13 @@ def test_no_file_beside_the_mesh_is_opened(written, tmp_path, monkeypatch):
     read_mesh(written("a.obj", b"mtllib a.mtl\nusemtl red\n" + obj_text()))
     read_mesh(written("a.ply", ply_text().replace(b"comment a comment", b"comment TextureFile a.png")))
     assert [file.name for file in opened] == ["a.obj", "a.ply"]
+
+
+def test_an_ngon_is_a_fan_around_its_first_corner(written):
+    angles = np.arange(6) * np.pi / 3
+    hexagon = [(float(np.cos(a)), float(np.sin(a)), 0.0) for a in angles]
+    for name, data in (("a.obj", obj_text([range(6)], hexagon)), ("a.ply", ply_text([range(6)], hexagon))):
+        assert read_mesh(written(name, data)).faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
 
 
 def test_stl_corners_that_are_equal_are_one_vertex_and_so_are_the_two_zeros(written):
@@ -365,6 +382,14 @@ def test_a_seam_leaves_no_trace_in_smooth_normals():
     np.testing.assert_allclose(normals, smooth_normals(vertices, faces)[faces.reshape(-1)], atol=1e-12)
 
 
+def test_vertex_normals_are_those_of_the_file_or_else_made(written):
+    plain = read_mesh(written("a.obj", obj_text()))
+    np.testing.assert_array_equal(plain.vertex_normals(), smooth_normals(plain.vertices, plain.faces))
+    text = obj_text([(0, 1, 2)]).replace(b"f 1 2 3", b"vn 0 1 0\nf 1//1 2//1 3//1")
+    own = read_mesh(written("b.obj", text))
+    np.testing.assert_array_equal(own.vertex_normals()[:3], [[0, 1, 0]] * 3)
+
+
 def test_the_two_sides_of_a_sheet_keep_their_normals_and_a_lone_vertex_has_none():
     vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)] * 2 + [(5, 5, 5)], dtype=float)
     normals = smooth_normals(vertices, np.array([(0, 1, 2), (3, 5, 4)]))
@@ -386,26 +411,50 @@ def test_triangles_without_area_are_left_out_and_counted(written):
 BROKEN = {
     "missing.ply": (None, "no such file"),
     "a.fbx": (b"x", r"unknown suffix '\.fbx' for a mesh; known: \.ply, \.obj, \.stl, \.gltf, \.glb"),
+    "none": (b"x", "no suffix for a mesh; known:"),
     **{f"empty.{s}": (b"", "is empty") for s in ("ply", "obj", "stl", "gltf", "glb")},
+    **{f"noise.{s}": (bytes(range(256)) * 4, "is|has|ends") for s in ("ply", "obj", "stl", "gltf", "glb")},
+    **{f"sentence.{s}": (b"This is no mesh.\n" * 40, "is|has|ends") for s in ("ply", "obj", "stl", "gltf", "glb")},
     "faceless.ply": (ply_text([]), "has no faces"),
     "faceless.obj": (obj_text([]), "has no faces"),
     "faceless.stl": (stl_binary([]), "has no faces"),
+    "faceless2.stl": (stl_text([]), "has no faces"),
+    "points.ply": (ply_text().split(b"element face")[0] + b"end_header\n" + b"0 0 0\n" * 5, "has no faces"),
     "flat.ply": (ply_text([(0, 1, 1)]), "has no faces with an area"),
     "nan.ply": (ply_binary(vertices=[*VERTICES[:4], (0, float("nan"), 0)]), r"not finite \(number 4, counted from 0\)"),
+    "inf.obj": (obj_text(vertices=[*VERTICES[:4], (0, float("inf"), 0)]), "not finite"),
     "range.ply": (ply_binary(polygons=[(0, 1, 5)]), r"the vertex 5 \(counted from 0\), and 5 vertices"),
+    "negative.ply": (ply_binary(polygons=[(0, 1, -1)]), r"the vertex -1 \(counted from 0\)"),
     "range.obj": (obj_text([(0, 1, 5)]), "cannot be read as OBJ: IndexError: index 5 is out of bounds"),
+    "zero.obj": (obj_text([(0, 1, -1)]), "a face with the index 0, after 5"),
     "back.obj": (obj_text([]) + b"f -1 -2 -6\n", "a face with the index -6, after 5"),
     "normal.obj": (obj_text([]) + b"vn 0 0 1\nf 1//1 2//1 3//-2\n", "a face with the index -2, after 1"),
     "two.obj": (obj_text([(0, 1)]), "fewer than 3 corners"),
+    "short.ply": (ply_text().replace(b"3 1 2 4", b"3 1 2"), "fewer than 3 corners"),
     "short2.ply": (ply_text(TRIANGLES).replace(b"3 1 2 4", b"3 1 2"), "fewer than 3 corners"),
+    "two.ply": (ply_binary(polygons=[(0, 1), (0, 1, 2)]), "fewer than 3 corners"),
+    "plane.obj": (b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "without 3 coordinates"),
     "word.obj": (b"v 0 0 x\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "cannot be read as OBJ: .*string or file"),
     "word2.obj": (obj_text([]) + b"f 1 2 x\n", "corners are no indices of one kind: 'f 1 2 x'"),
     "huge.obj": (obj_text([]) + b"f 1 2 99999999999999999999999\n", "corners are no indices of one kind"),
+    "word.ply": (ply_text().replace(b"1.25", b"high"), "cannot be read as PLY: .*string or file"),
     "format.ply": (ply_text().replace(b"ascii", b"rot13"), "does not begin as a PLY file"),
+    "type.ply": (
+        ply_text().replace(b"property list uchar", b"property list nibble"),
+        "cannot be read as PLY: KeyError",
+    ),
+    "formless.ply": (ply_text().replace(b"format ascii 1.0\n", b""), "does not begin as a PLY file"),
     "twist.ply": (ply_text().replace(b"double z", b"double w"), "cannot be read as PLY: KeyError: 'z'"),
+    "list.ply": (ply_text([(0, 1, 2)]).replace(b"\n3 0", b"\n-3 0"), "fewer than 3 corners"),
+    "many.ply": (ply_binary().replace(b"vertex 5", b"vertex 987654321987654321"), "ends early"),
+    "many2.ply": (ply_text().replace(b"face 5", b"face 987654321"), "ends early"),
     "real.ply": (ply_text([(0, 1, 2)]).replace(b"uchar int", b"uchar float"), "corners are not integers"),
+    "listed.ply": (ply_text().replace(b"double x", b"list uchar double x"), "cannot be read as PLY"),
+    "wide.ply": (ply_binary().replace(b"uchar int", b"double int"), "cannot be read as PLY|ends early"),
     "longer.stl": (stl_binary() + b"left over", "ends early, or is neither text nor as long"),
     "second.stl": (stl_text() + stl_text()[:-20], "ends early"),
+    "facets.stl": (stl_text().replace(b"endsolid", b""), "ends early"),
+    "open.stl": (stl_text().replace(b"endfacet", b"", 1), "ends early"),
 }
 
 
@@ -425,9 +474,10 @@ def test_a_broken_file_is_one_sentence_that_names_it_and_prints_nothing(name, wr
 def test_a_file_that_ends_early_is_refused(name, written):
     data = FILES[name]
     # Whole lines of an OBJ file are an OBJ file, so it ends within its last face.
-    end = len(data) - 4 if name.endswith(".obj") else len(data) // 2
-    with pytest.raises(InputError):
-        read_mesh(written(name, data[:end]))
+    whole_lines = name.endswith(".obj")
+    for end in (len(data) - 4,) if whole_lines else (len(data) // 5, len(data) // 2, 4 * len(data) // 5):
+        with pytest.raises(InputError):
+            read_mesh(written(name, data[:end]))
 
 
 def test_more_faces_than_an_index_can_count():

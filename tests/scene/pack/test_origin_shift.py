@@ -30,6 +30,7 @@ from raytracer.plugins.media.base.interface import translate_media as moved_medi
 from raytracer.plugins.media.grid import Grid
 from raytracer.plugins.media.homogeneous import Homogeneous
 from raytracer.scene.load import load
+from raytracer.scene.object_bounds import ObjectBounds
 from raytracer.scene.pack.layout import lay_out
 from raytracer.scene.pack.origin_shift import shift_origin
 from raytracer.scene.pack.scene import pack
@@ -232,6 +233,14 @@ def test_every_medium_moves_with_the_world(kind):
     np.testing.assert_array_equal(found[1], here[1])
     one, other = (transmittance_many(table, 500, **place, direction=way, distance=5.0) for table, place in flights)
     np.testing.assert_allclose(other, one, rtol=1e-6)
+
+
+def test_objects_are_where_their_files_say(tmp_path):
+    (tmp_path / "map.obj").write_bytes(as_obj(_CORNERS + MAP))
+    text = view(MAP) + "  - {type: mesh, file: map.obj, name: town, transform: [{scale: 2}]}\n"
+    spec = scene(text, filled=False, base=tmp_path)
+    expected = 2.0 * (0.5 * (_CORNERS.min(axis=0) + _CORNERS.max(axis=0)) + MAP)
+    np.testing.assert_allclose(ObjectBounds(spec, SceneAssets(spec)).center(0, 0.0), expected, rtol=0.0, atol=2.0**-20)
 
 
 # ---- As it was written

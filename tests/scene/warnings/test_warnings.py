@@ -302,8 +302,10 @@ def test_validate_warns_and_strict_refuses(tmp_path, capsys):
     captured = capsys.readouterr()
     assert captured.out == f"{bad}: valid\n"
     assert captured.err.startswith(f'rt: warning: {bad}:14: objects[1] "poster": ')
-    for command in ("validate", "render"):
-        assert main([command, str(bad), "--strict"]) == 2
+    out = tmp_path / "a.npy"
+    for command in (["validate"], ["render", "-o", str(out)]):
+        assert main([*command, str(bad), "--strict"]) == 2
+        assert not out.exists()
         captured = capsys.readouterr()
         assert captured.out == ""
         labels = [line.split(": ")[2] for line in captured.err.splitlines()]
