@@ -33,6 +33,14 @@ def rays_from_film(lens, film, place, count):
 
 
 @every_lens
+def test_the_f_number_of_the_file_is_that_which_light_finds(path):
+    lens = read_lens(path)
+    assert lens.source
+    assert lens.f_number is not None
+    assert widest_f_number(lens) == pytest.approx(lens.f_number, rel=0.015)
+
+
+@every_lens
 def test_light_reaches_the_whole_picture(path):
     lens = read_lens(path)
     film, edge = film_position(lens), 0.5 * lens.image_circle
@@ -92,6 +100,12 @@ def test_the_double_gauss_is_that_of_the_patent():
     found = cardinal_points(packed)
     assert found.focal_length == pytest.approx(50.0, rel=2e-4)
     assert found.rear_focus - packed.vertex[-1] == pytest.approx(50.0 * 0.71436, abs=5e-3)
+
+
+def test_the_achromat_has_the_back_focus_of_its_data_sheet():
+    # 97.1 mm, where light of the pupil's half comes together.
+    lens = read_lens(SHIPPED["achromat-100mm"])
+    assert film_position(lens) - lens.packed().vertex[-1] == pytest.approx(97.1, abs=0.05)
 
 
 ROW = re.compile(r"^\| \[([\w.-]+)\]\(\S+\) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|", re.MULTILINE)
