@@ -113,9 +113,15 @@ def followed(lens, start, direction, ways, wavelength=None):
 
 
 def aimed(flare, pair, x, y, numbers):
-    """Places (n,), (n,) of the last surface that a ghost's rays are aimed at by numbers (n, 3), and areas (n,)."""
-    disc = vectorised(sample_disc)(rows(numbers[:, 0]), rows(numbers[:, 1]))
-    return vectorised(aim_ghost_ray)(flare, pair, x, y, *map(rows, disc.T), rows(numbers[:, 2])).T
+    """Places (n,), (n,) of the last surface that a ghost's rays are aimed at, and areas (n,)."""
+    return vectorised(aim_ghost_ray)(flare, pair, x, y, *map(rows, numbers.T)).T
+
+
+def aims(count):
+    """Places of the unit disc and a number for each of so many rays (n, 3)."""
+    numbers = np.random.default_rng(9).random((count, 3))
+    numbers[:, :2] = vectorised(sample_disc)(*map(rows, numbers[:, :2].T))
+    return numbers
 
 
 def plates(*indices):
@@ -308,7 +314,7 @@ def test_ghosts_of_many_surfaces_are_aimed_anywhere():
     assert len(flare.first) == 780
     assert flare.cumulative[-1] == 1.0
     assert (np.diff(flare.cumulative) >= 0.2499 / 780.0).all()
-    _, _, area = aimed(flare, 77, 3.0, 4.0, np.random.default_rng(9).random((100, 3)))
+    _, _, area = aimed(flare, 77, 3.0, 4.0, aims(100))
     np.testing.assert_allclose(area, math.pi * 12.0**2, rtol=1e-12)
 
 
@@ -317,7 +323,7 @@ def test_ghosts_are_aimed_with_the_density_that_is_said(place):
     # Areas over the density are areas: of the surface, and of its half to one side.
     lens = double_gauss()
     flare = build_ghost_paths(lens, 21.6, 36.0)
-    numbers = np.random.default_rng(9).random((COUNT, 3))
+    numbers = aims(COUNT)
     for pair in range(0, len(flare.first), 7):
         right, up, area = aimed(flare, pair, *place, numbers)
         on = np.hypot(right, up) <= flare.reach

@@ -74,6 +74,24 @@ def test_rays_near_the_axis_follow_the_matrix(rows, towards_film):
         np.testing.assert_allclose((at_vertex, out), matrix @ (height, slope), rtol=0.0, atol=1e-15)
 
 
+def test_one_surface_refracts_by_snell_and_is_met_on_its_sphere():
+    rng = np.random.default_rng(1)
+    for curvature in (-0.1, -1e-9, 0.0, 1e-3, 0.1):
+        origins = np.stack([rng.uniform(-2, 2, 500), rng.uniform(-2, 2, 500), np.full(500, -20.0)], axis=1)
+        ways = unit(np.stack([rng.uniform(-0.2, 0.2, 500), rng.uniform(-0.2, 0.2, 500), np.ones(500)], axis=1))
+        lens = pack_surfaces([Surface(curvature, 0.0, 1.7, 9.0)])
+        weights, points, onward = traced(lens, origins, ways)
+        assert weights.all()
+        # On the sphere c r^2 = 2 z, and on the ray.
+        np.testing.assert_allclose(curvature * (points**2).sum(axis=1), 2.0 * points[:, 2], rtol=0.0, atol=2e-14)
+        along = ((points - origins) * ways).sum(axis=1)
+        np.testing.assert_allclose(points, origins + along[:, None] * ways, rtol=0.0, atol=2e-14)
+        # n x d is kept: Snell's law with its plane.
+        normals = np.array([0.0, 0.0, 1.0]) - curvature * points
+        np.testing.assert_allclose(np.cross(normals, ways), 1.7 * np.cross(normals, onward), rtol=0.0, atol=4e-15)
+        np.testing.assert_allclose(np.linalg.norm(onward, axis=1), 1.0, rtol=0.0, atol=4e-15)
+
+
 def test_snells_law_in_longer_numbers():
     """t = mu d + (c_t - mu c_i) N with c_t^2 = 1 - mu^2 (1 - c_i^2), in numbers of 64 bits of mantissa or more.
 
