@@ -269,22 +269,17 @@ def test_what_is_imported_is_written_and_read_as_the_same_lens(tmp_path, name, t
 
 
 @pytest.mark.parametrize(("name", "text"), [("damaged.dat", TABLE), ("damaged.zmx", COOKE)])
-def test_damage_anywhere_is_a_sentence_at_worst(name, text, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("damaged")
-
-    @settings(max_examples=150, deadline=None)
-    @given(st.data())
-    def damage(data):
-        broken = text.encode()
-        for _ in range(data.draw(st.integers(1, 3))):
-            place, cut = data.draw(st.integers(0, len(broken))), data.draw(st.integers(0, 12))
-            broken = broken[:place] + data.draw(st.binary(max_size=4)) + broken[place + cut :]
-        path = folder / name
-        path.write_bytes(broken)
-        found = outcome(path)
-        if isinstance(found, str):
-            assert "\n" not in found
-        else:
-            assert constant_index_glass(1.0) == found.lens().elements[-1].glass
-
-    damage()
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_damage_anywhere_is_a_sentence_at_worst(name, text, data, tmp_path_factory):
+    broken = text.encode()
+    for _ in range(data.draw(st.integers(1, 3))):
+        place, cut = data.draw(st.integers(0, len(broken))), data.draw(st.integers(0, 12))
+        broken = broken[:place] + data.draw(st.binary(max_size=4)) + broken[place + cut :]
+    path = tmp_path_factory.getbasetemp() / name
+    path.write_bytes(broken)
+    found = outcome(path)
+    if isinstance(found, str):
+        assert "\n" not in found
+    else:
+        assert constant_index_glass(1.0) == found.lens().elements[-1].glass
