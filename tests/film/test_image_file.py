@@ -1,5 +1,6 @@
 """Image files: what is written is read back, nothing is lost when writing fails, and broken files are one sentence."""
 
+import contextlib
 import errno
 import os
 import stat
@@ -179,6 +180,19 @@ def test_a_file_that_ends_early_is_one_sentence_and_prints_nothing(suffix, part,
     with pytest.raises(InputError, match=r"^[^\n]*a\.[a-z]+: (broken, or no \.[a-z]+ image|is [a-zA-Z ,]+)$"):
         load(path)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_damage_anywhere_is_an_input_error_at_worst(suffix, image, tmp_path):
+    image.save(tmp_path / f"a{suffix}")
+    data = np.frombuffer((tmp_path / f"a{suffix}").read_bytes(), dtype=np.uint8)
+    rng = np.random.default_rng(9)
+    for _ in range(100):
+        damaged = data.copy()
+        damaged[rng.integers(0, min(len(data), 300), 3)] = rng.integers(0, 256, 3)
+        (tmp_path / f"a{suffix}").write_bytes(damaged.tobytes())
+        with contextlib.suppress(InputError):
+            assert load(tmp_path / f"a{suffix}").shape[2] == 3
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
