@@ -68,7 +68,7 @@ def test_grid_of_a_spoilt_white_picture(pictures):
 
 
 @pytest.mark.parametrize("hexagonal", [False, True], ids=["square", "hexagonal"])
-@pytest.mark.parametrize(("pitch", "degrees"), [(5.03, 0.7), (7.4, 90.0), (40.4, 14.9)])
+@pytest.mark.parametrize(("pitch", "degrees"), [(5.03, 0.7), (7.4, 90.0), (21.3, -3.0), (40.4, 14.9)])
 def test_grids_of_all_sizes_and_rotations(hexagonal, pitch, degrees):
     camera = _camera(hexagonal, pitch, degrees, (720, 560) if pitch > 30.0 else (420, 360))
     grid = find_grid(spoiled(camera.picture(supersampling=1 if pitch > 20.0 else 2), 1, dust=4))
