@@ -1,5 +1,7 @@
 """Nine letters at nine depths: each is sharpest in the picture that is focused on its own distance."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -19,6 +21,7 @@ SQUARE = 0.12
 """Edge of the square in which the cameras stand (m)."""
 
 
+@cache
 def rendered(number, width, height, spp):
     keys = {
         "camera.rows": number,
