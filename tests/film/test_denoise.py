@@ -4,11 +4,15 @@ import sys
 from dataclasses import replace
 
 import numpy as np
+import OpenEXR
+import PIL.Image
 import pytest
 
-from raytracer.film import Image
+from raytracer.film import Image, load_layers
 from raytracer.film.denoise import denoise, require_denoiser
+from raytracer.rendering.render import render
 from raytracer.util.errors import InputError
+from tests.small_scenes import scene
 
 SIZE = (36, 48)
 
@@ -45,6 +49,12 @@ def test_error_falls_and_the_noisy_picture_is_kept(image):
     assert result.radiance[:, 24].mean() > 1.6
 
 
+def test_the_result_does_not_depend_on_threads(image):
+    pytest.importorskip("pyoidn")
+    one, three = (denoise(image, *guides(), threads=threads).radiance for threads in (1, 3))
+    np.testing.assert_array_equal(one, three)
+
+
 def test_what_is_not_finite_or_too_bright_does_no_harm(image):
     pytest.importorskip("pyoidn")
     radiance = image.radiance.copy()
@@ -57,3 +67,56 @@ def test_a_missing_extra_is_told_with_the_command_that_brings_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     with pytest.raises(InputError, match=r"not installed: pip install 'raytracer\[denoise\]'"):
         require_denoiser()
+
+
+def test_a_library_that_does_not_load_is_told(monkeypatch):
+    class Broken:
+        OIDN_DEVICE_TYPE_CPU = 1
+
+        def Device(self, kind):  # noqa: N802
+            raise OSError("cannot load library")
+
+    monkeypatch.setitem(sys.modules, "pyoidn", Broken())
+    with pytest.raises(InputError, match="cannot be loaded: cannot load library"):
+        require_denoiser()
+
+
+BALL = """
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
+environment: {type: constant, radiance: 0.3}
+objects:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: [0.8, 0.3, 0.2]}}
+  - {type: quad, corner: [-9, -1, 9], edges: [[18, 0, 0], [0, 0, -18]], material: {type: lambertian, albedo: 0.6}}
+  - {type: sphere, center: [2, 2, 1], radius: 0.3, material: {type: emitter, radiance: 20}}
+"""
+
+
+@pytest.mark.slow
+def test_a_render_is_nearer_to_its_reference_and_says_that_it_is_denoised(tmp_path):
+    pytest.importorskip("pyoidn")
+    settings = {"width": 64, "height": 48, "sampler": "independent"}
+    few = scene(BALL, spp=4, **settings)
+    reference = render(scene(BALL, spp=2048, **settings), seed=9, threads=2).image.radiance
+    noisy = render(few, seed=1, threads=2, aovs=["depth"]).image
+    result = render(few, seed=1, threads=2, aovs=["depth"], denoise=True)
+    clean = result.image
+    before, after = (np.mean((picture - reference) ** 2) for picture in (noisy.radiance, clean.radiance))
+    assert after < 0.3 * before
+    assert "denoise" in result.stats.seconds
+    # The picture as rendered, with its bits, and only the layers asked for.
+    np.testing.assert_array_equal(clean.layers["noisy"], noisy.radiance)
+    assert set(clean.layers) == {"depth", "noisy"}
+
+    for name in ("a.exr", "a.png", "a.hdr"):
+        clean.save(tmp_path / name)
+    layers, found = load_layers(tmp_path / "a.exr")
+    assert "biased" in found["denoised"]
+    np.testing.assert_array_equal(layers["noisy"], noisy.radiance.astype(np.float32))
+    assert "variance" not in layers
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        assert {"noisy.R", "noisy.G", "noisy.B", "depth.Z"} <= set(file.channels())
+    with PIL.Image.open(tmp_path / "a.png") as picture:
+        assert "biased" in picture.text["denoised"]
+    assert b"rt.denoised=oidn" in (tmp_path / "a.hdr").read_bytes()
+    noisy.save(tmp_path / "b.exr")
+    assert "denoised" not in load_layers(tmp_path / "b.exr")[1]

@@ -39,6 +39,10 @@ def test_develop_knows_no_variance_of_single_samples():
     assert develop(exposed(np.ones((1, 2, 2, 3))), {}).variance is None
 
 
+def test_an_image_shows_itself_in_a_notebook():
+    assert Image(np.ones((2, 3, 3)))._repr_png_().startswith(b"\x89PNG\r\n\x1a\n")
+
+
 @pytest.mark.parametrize("shape", [(3, 4), (3, 4, 4), (0, 4, 3), (3,)])
 def test_an_image_has_three_channels(shape):
     with pytest.raises(ValueError, match=r"\(height, width, 3\)"):

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from raytracer.cli.base.app import main
-from raytracer.film.negative_pixels import FILTER, READ_NOISE, SPECTRAL, find_negative_pixels
+from raytracer.film.negative_pixels import FILTER, READ_NOISE, SPECTRAL, describe_negative_pixels, find_negative_pixels
+from raytracer.film.white_balance import balance_gains
 from raytracer.plugins.filters.mitchell import Mitchell
 from raytracer.rendering.develop import negative_causes
-from raytracer.scene.load import load
+from raytracer.scene.load import build, load
 from raytracer.scene.pack.scene import pack
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -29,6 +30,11 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "lamp.yaml").write_text(LAMP)
     return tmp_path
+
+
+def test_a_picture_without_any_has_none():
+    assert find_negative_pixels(np.zeros((2, 3, 3)), [FILTER]) == (0, {})
+    assert find_negative_pixels(np.full((2, 3, 3), np.nan), []) == (0, {})
 
 
 def test_pixels_are_counted_and_the_lowest_is_placed_in_the_whole_picture():
@@ -63,6 +69,16 @@ def test_causes_are_those_of_the_scene(name, overrides, causes):
     assert negative_causes(packed.spec, packed.scene) == causes
 
 
+def test_light_of_one_wavelength_is_never_negative():
+    text = (
+        "camera: {type: ray, wavelength: 490}\nfilm: {width: 4, height: 4}\n"
+        "objects: [{type: sphere, center: [0, 0, -3], radius: 1, material: {type: dielectric, ior: N-SF11}}]\n"
+    )
+    packed = pack(build(text, "ray.yaml"))
+    assert packed.scene.spectrum is not None
+    assert negative_causes(packed.spec, packed.scene) == ()
+
+
 def test_the_filter_rings_beside_an_edge_by_its_lobes(folder, capsys):
     assert main(["render", "lamp.yaml", "-o", "a.npy", "--stats", "a.json", "--strict"]) == 0
     values, stats = np.load("a.npy"), json.loads(Path("a.json").read_text())
@@ -94,3 +110,17 @@ def test_what_nothing_explains_is_a_fault(folder, capsys, monkeypatch):
     assert main([*words, "--strict"]) == 1
     # The picture is there all the same, to be looked at.
     assert Path("a.npy").exists()
+
+
+def test_sentences_name_all_causes():
+    found = {"lowest": -0.25, "pixel": [0, 0], "causes": [FILTER, SPECTRAL]}
+    assert describe_negative_pixels(1, found) == (
+        "1 pixel below zero, to -0.25, by the negative lobes of the filter and colours of single wavelengths"
+    )
+
+
+def test_a_picture_of_a_mean_below_zero_is_balanced_without_turning_it_over():
+    # Cyan of a spectrum: the luminance of the mean is below zero.
+    balance = balance_gains("auto", np.full((2, 2, 3), (-2.0, 0.1, 0.2)))
+    assert (balance > 0.0).all()
+    assert balance[0] == 1.0

@@ -13,6 +13,7 @@ from raytracer.film import Image, load, load_layers, srgb
 from raytracer.film.exposure import CropWindow, luminance
 from raytracer.film.photograph import DevelopSettings, check_develop_settings, develop_photograph
 from raytracer.film.tone import Filmic, ToneCurveSpec
+from raytracer.film.white_balance import balance_gains
 from raytracer.optics.sensor_formats import SensorSpec
 from raytracer.optics.thin_lens import ExposureSettings, Metering
 from raytracer.rendering.render import render
@@ -64,6 +65,12 @@ def test_a_photograph_has_the_values_of_the_standard(f_number, seconds, iso):
     assert centre(image) == pytest.approx(exposed(2.0, f_number, seconds, iso), rel=2e-3)
 
 
+def test_speed_is_a_factor_and_nothing_else():
+    one, other = taken(wall("iso: 100")).image, taken(wall("iso: 800, exposure_compensation: 1")).image
+    np.testing.assert_array_equal(other.radiance, 16.0 * one.radiance)
+    np.testing.assert_array_equal(other.variance, 256.0 * one.variance)
+
+
 def test_auto_finds_the_speed_and_says_it():
     result = taken(wall("exposure: {metering: mean}"))
     image, setting = result.image, result.setting
@@ -92,11 +99,43 @@ def test_noise_is_that_of_the_photons_in_a_rendered_picture():
     assert float(noisy.settings["sensor_electrons"]) == electrons
 
 
+def test_without_noise_a_sensor_does_nothing():
+    plain = taken(wall()).image
+    off = taken(wall(sensor="format: full_frame, noise: false, full_well: 100, read_noise: 50, seed: 3")).image
+    np.testing.assert_array_equal(off.radiance, plain.radiance)
+    assert off.settings == plain.settings
+
+
 def test_what_happens_after_the_light_is_gathered_compiles_nothing():
     kernel = numba.typeof(pack(wall()).scene)
     noise = wall(sensor="format: full_frame, noise: true, bayer: rggb")
     shown = wall("exposure: auto, exposure_compensation: 2", film="white_balance: auto, tone_curve: filmic")
     assert numba.typeof(pack(noise).scene) == numba.typeof(pack(shown).scene) == kernel
+
+
+def test_a_crop_is_the_crop_of_the_noisy_whole():
+    scene = wall("iso: 3200", sensor="format: full_frame, noise: true", shutter=1 / 4000)
+    whole, part = taken(scene).image, taken(scene, crop=(11, 7, 40, 20)).image
+    np.testing.assert_array_equal(part.radiance, whole.radiance[7:20, 11:40])
+
+
+def test_seeds_of_render_and_sensor():
+    scene = wall("iso: 3200", sensor="format: full_frame, noise: true", shutter=1 / 4000)
+    own = wall("iso: 3200", sensor="format: full_frame, noise: true, seed: 1", shutter=1 / 4000)
+    np.testing.assert_array_equal(taken(scene, seed=1).image.radiance, taken(scene, seed=1).image.radiance)
+    assert (taken(scene, seed=1).image.radiance != taken(scene, seed=2).image.radiance).mean() > 0.9
+    # Other light by a hair, of another seed of the render, is the same number of electrons almost everywhere.
+    assert (taken(own, seed=2).image.radiance != taken(scene, seed=1).image.radiance).mean() < 0.05
+
+
+def test_light_of_a_temperature_is_balanced_to_neutral():
+    # CIE 15: illuminant A in linear Rec. 709, from its chromaticity (0.44758, 0.40745).
+    warm = "[1.8422, 0.8266, 0.2338]"
+    image = taken(wall(film="white_balance: 2856 K", radiance=warm)).image
+    mean = image.radiance.mean(axis=(0, 1))
+    np.testing.assert_allclose(mean / mean[1], 1.0, rtol=0.01)
+    plain = taken(wall(radiance=warm)).image
+    assert luminance(mean) == pytest.approx(luminance(plain.radiance.mean(axis=(0, 1))), rel=1e-3)
 
 
 PINHOLE = """\
@@ -134,6 +173,23 @@ def light(value=0.5):
     return Image(radiance, 0.01 * radiance, 4, {"spp": 4}, {"direct": 0.4 * radiance, "depth": radiance})
 
 
+def test_a_process_of_nothing_hands_the_picture_on():
+    image = light()
+    result, setting = develop_photograph(image, process(), WHOLE, 0, {})
+    assert result is image
+    assert setting is None
+
+
+def test_a_balance_that_was_measured_is_told_from_one_that_was_asked_for():
+    measured, given = (
+        develop_photograph(light(), process(white_balance=balance), WHOLE, 0, {})[0].settings
+        for balance in ("auto", (1.0, 1.0, 1.0))
+    )
+    assert measured["white_balance_gains"] == given["white_balance_gains"] == "1.0,1.0,1.0"
+    assert measured["white_balance"] == "auto"
+    assert "white_balance" not in given
+
+
 def test_layers_of_light_are_exposed_as_the_picture_is():
     image = light()
     units = {"direct": "W/(m2 sr)", "depth": "m"}
@@ -154,6 +210,21 @@ def test_what_saturates_the_sensor_stays_white_when_it_is_balanced():
     assert (result.display() == 255).all()
 
 
+@pytest.mark.parametrize("bayer", [None, "rggb"])
+@pytest.mark.parametrize("balance", [None, 3200.0])
+@pytest.mark.parametrize("compensation", [0.0, -1.0])
+def test_what_is_overexposed_at_the_base_iso_is_even(compensation, balance, bayer):
+    # All wells are full, whatever reading them adds: one value, which is half as large when made a stop darker.
+    if bayer is not None:
+        pytest.importorskip("cv2")
+    sensor = SensorSpec(noise=True, bayer=bayer)
+    exposure = camera()._replace(compensation=compensation)
+    result, _ = develop_photograph(light(100.0), process(exposure, sensor, balance), WHOLE, 0, {})
+    assert np.unique(result.radiance).size == 1
+    white = 1.0 if balance is None else balance_gains(balance, light().radiance).max()
+    np.testing.assert_allclose(result.radiance, 2.0**compensation * white, rtol=1e-12)
+
+
 def test_metering_chooses_no_speed_below_the_base_iso_of_a_sensor():
     sensor = SensorSpec(noise=True, base_iso=200.0)
     exposure = camera(None, Metering("mean", 0.5, 0.5, 1.0))._replace(base_iso=sensor.base_iso)
@@ -164,6 +235,19 @@ def test_metering_chooses_no_speed_below_the_base_iso_of_a_sensor():
     dim, chosen = develop_photograph(light(0.01), process(exposure, sensor), WHOLE, 0, {})
     assert chosen.iso > 200.0
     assert luminance(dim.radiance).mean() == pytest.approx(10.0 / 78.0, rel=0.01)
+
+
+def test_a_sensor_is_shown_on_film_with_its_saturation_as_white():
+    curve = ToneCurveSpec(type="filmic")
+    result, _ = develop_photograph(light(100.0), process(camera(), SensorSpec(noise=True), None, curve), WHOLE, 0, {})
+    assert (result.display() >= 254).all()
+    assert result.settings["tone_curve"] == "filmic, white 1, in display files only"
+
+
+def test_a_denoised_picture_has_no_variance_to_begin_with():
+    image = Image(light().radiance)
+    result, _ = develop_photograph(image, process(camera(), SensorSpec(noise=True)), WHOLE, 0, {})
+    assert result.variance is None
 
 
 def test_what_cannot_be_developed_is_refused_before_the_work():

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from raytracer.analysis.cost.variants import make_variants
 from raytracer.cli.base.app import main
 from raytracer.core.compiler.dispatch import entry
 from raytracer.film import load_layers
@@ -15,6 +16,8 @@ from raytracer.kernel.path_log import path_log
 from raytracer.kernel.path_state import workspace
 from raytracer.kernel.pixel_accumulator import Clamp, accumulate
 from raytracer.rendering.film_region import film_view
+from raytracer.scene.load import build
+from raytracer.scene.pack.scene import pack
 
 SCENE = """\
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
@@ -71,6 +74,15 @@ def test_radiance_is_measured_and_its_weight_is_not():
     np.testing.assert_allclose(film.removed[0, 0], [*[5.0 * weights.sum()] * 3, 3.0], rtol=1e-14)
 
 
+def test_nothing_is_lost_without_a_trace():
+    random = np.random.default_rng(1)
+    values, weights = random.pareto(1.5, (1003, 3)), random.random(1003)
+    film = gathered(values, weights, 2.0)
+    total = film.mean[0, 0] * 1003 + film.removed[0, 0, :3]
+    np.testing.assert_allclose(total, (weights[:, None] * values).sum(axis=0), rtol=1e-12)
+    assert film.removed[0, 0, 3] == np.count_nonzero(values.max(axis=1) > 2.0)
+
+
 def test_what_is_not_finite_is_dropped_and_not_clamped():
     values = np.ones((8, 3))
     values[2, 1], values[5, 0] = np.nan, np.inf
@@ -111,3 +123,28 @@ def test_it_says_what_it_took(scene, capsys):
     # Some samples of edges see the ball.
     assert main(["explain", "ball.yaml", "-D", "render.clamp=0.45", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["effects"]["clamp"]["active"]
+
+
+def test_without_a_clamp_nothing_is_said_of_it(scene, capsys):
+    assert main(["render", "ball.yaml", "-o", "a.exr", "--stats", "a.json"]) == 0
+    assert "clamp" not in capsys.readouterr().err
+    assert json.loads(Path("a.json").read_text())["clamp"] == {}
+    assert "clamp" not in load_layers("a.exr")[1]
+
+
+@pytest.mark.parametrize("value", ["0", "-1"])
+def test_a_limit_is_a_positive_number(value, scene, capsys):
+    assert main(["validate", "ball.yaml"]) == 0
+    assert main(["render", "ball.yaml", "-D", f"render.clamp={value}"]) == 2
+    assert "clamp" in capsys.readouterr().err
+
+
+def test_its_cost_is_an_arm():
+    spec = build(SCENE.replace("spp: 16", "spp: 16, clamp: 0.3"), "test.yaml")
+    packed = pack(spec)
+    (arm,) = (variant for variant in make_variants(spec, packed) if variant.name == "clamp")
+    assert arm.packed_variant(packed.scene).clamp is None
+    assert not arm.needs_repacking
+    assert "clamp" not in {
+        variant.name for variant in make_variants(build(SCENE, "test.yaml"), pack(build(SCENE, "t.yaml")))
+    }

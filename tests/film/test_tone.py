@@ -3,6 +3,7 @@
 import numpy as np
 import PIL.Image
 import pytest
+from pydantic import ValidationError
 
 from raytracer.film import Image, load, srgb
 from raytracer.film.tone import Filmic, ToneCurveSpec
@@ -44,6 +45,11 @@ def test_white_is_where_the_sensor_saturates_if_there_is_one():
     assert ToneCurveSpec(type="filmic").curve(saturates=True) == Filmic(1.0)
     assert ToneCurveSpec(type="filmic").curve(saturates=False) == Filmic(4.0)
     assert ToneCurveSpec(type="filmic", white=8.0).curve(saturates=True) == Filmic(8.0)
+
+
+def test_a_linear_curve_has_no_white():
+    with pytest.raises(ValidationError, match="only the tone curve filmic has a white"):
+        ToneCurveSpec(white=2.0)
 
 
 def test_only_what_is_shown_goes_through_it(tmp_path):

@@ -9,7 +9,7 @@ import pytest
 from raytracer.cli.base.app import main
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.views import Plane, Views
-from raytracer.lightfield.capturing.bands import split_into_bands
+from raytracer.lightfield.capturing.bands import ViewBand, split_into_bands
 from raytracer.lightfield.capturing.capture import capture
 from raytracer.rendering import worker_pool
 from raytracer.rendering.render import render
@@ -58,6 +58,16 @@ def test_bands_hold_every_view_once_and_no_more_than_they_may(size, most):
     assert np.all(seen == 1)
 
 
+def test_bands_are_whole_rows_where_these_fit():
+    assert split_into_bands(views(5, 4), 9) == [ViewBand(0, 1, 0, 4), ViewBand(1, 3, 0, 4), ViewBand(3, 5, 0, 4)]
+    assert split_into_bands(views(2, 5), 3) == [
+        ViewBand(0, 1, 0, 2),
+        ViewBand(0, 1, 2, 5),
+        ViewBand(1, 2, 0, 2),
+        ViewBand(1, 2, 2, 5),
+    ]
+
+
 @pytest.mark.parametrize(("memory", "bands"), [(10**9, 1), (5 * VIEW_BYTES, 3), (VIEW_BYTES, 12)])
 def test_views_rendered_in_parts_have_the_bits_of_the_picture_of_all(whole, tmp_path, memory, bands):
     path = tmp_path / "x.lf"
@@ -83,6 +93,13 @@ def test_views_rendered_in_parts_have_the_bits_of_the_picture_of_all(whole, tmp_
     assert all(each.wanted == whole.stats.samples for each in seen)
 
 
+def test_the_plane_that_an_object_lies_in_is_that_of_the_file(tmp_path):
+    """3 m from the camera, as the middle of the ball is."""
+    capture(scene(", focus_on: ball"), tmp_path / "x.lf", memory=5 * VIEW_BYTES, threads=2, spp=1)
+    with lf.open(tmp_path / "x.lf") as field:
+        assert field.views.focus_distance == pytest.approx(3.0, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("camera", "film", "memory", "message"),
     [
@@ -96,6 +113,24 @@ def test_what_does_not_fit_is_told_with_what_it_takes(tmp_path, camera, film, me
         capture(scene(camera, film), tmp_path / "x.lf", memory=memory)
     assert message in str(caught.value)
     assert " GB" in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["pinhole, ", "thin_lens, aperture: 20, "])
+def test_one_view_is_no_light_field(tmp_path, kind):
+    text = SCENE.format(camera="", film="").replace("camera_array, ", kind)
+    text = text.replace(", rows: 3, columns: 4,\n  spacing: 0.1", "")
+    with pytest.raises(InputError, match="of one view"):
+        capture(build(text, "test.yaml"), tmp_path / "x.lf")
+
+
+def test_an_interrupt_leaves_nothing(tmp_path):
+    def interrupt(progress):
+        if progress.done > 5 * 480 * 16:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        capture(scene(), tmp_path / "x.lf", memory=2 * VIEW_BYTES, threads=1, spp=2**14, progress=interrupt)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -130,6 +165,7 @@ def test_rt_lightfield_render(files, capsys):
     [
         (["array.yaml", "-o", "x.png"], "x.png: a light field is written as .lf, such as x.lf"),
         (["array.yaml", "-o", "x.lf", "--memory", "much"], "--memory much: must be an amount of memory such as 2GB"),
+        (["array.yaml", "-o", "x.lf", "--memory", "0 MB"], "--memory 0 MB: must be greater than 0"),
         (["array.yaml", "-o", "x.lf", "--dtype", "int8"], "--dtype int8: must be float16, float32, float64"),
         (["array.yaml", "-o", "x.lf", "--aov", "deep"], "unknown AOV 'deep'"),
         (["array.yaml", "-o", "array.yaml/x.lf"], "array.yaml"),
@@ -142,6 +178,27 @@ def test_wrong_use_is_one_sentence(files, capsys, words, message):
     assert message in err
     assert len(err.strip().splitlines()) == 1
     assert not Path("x.lf").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"aovs": ("depth", "albedo")},
+        {"camera": ", fill: true, focal_length: 20, iso: 100, shutter: 1, sensor: {format: full_frame, noise: true}"},
+    ],
+)
+def test_layers_and_sensors_are_those_of_the_whole_picture(tmp_path, keys):
+    spec = build(SCENE.format(camera=keys.get("camera", ""), film="").replace("vfov: 40, ", ""), "test.yaml")
+    aovs = keys.get("aovs", ())
+    image = render(spec, threads=2, aovs=aovs).image
+    expected = image.layout.light_field(image)
+    capture(spec, tmp_path / "x.lf", memory=15 * VIEW_BYTES, dtype="float64", threads=2, aovs=aovs)
+    with lf.open(tmp_path / "x.lf") as field:
+        np.testing.assert_array_equal(np.asarray(field.radiance), expected.radiance)
+        assert set(field.layers) == set(aovs)
+        for name in aovs:
+            np.testing.assert_array_equal(np.asarray(field.layers[name]), expected.layers[name])
 
 
 def test_broken_off_in_a_band_it_goes_on_there(tmp_path, monkeypatch):
@@ -173,3 +230,17 @@ def test_broken_off_in_a_band_it_goes_on_there(tmp_path, monkeypatch):
     assert captured.stats.rays == whole.stats.rays
     assert captured.stats.resumed["samples"] > 0
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_pixels_below_zero_are_counted_over_all_bands(tmp_path, monkeypatch):
+    places = []
+
+    def find(values, causes, left, top):
+        places.append([left, top])
+        return 2, {"lowest": -float(len(places)), "pixel": [left, top], "causes": ["filter"]}
+
+    monkeypatch.setattr("raytracer.rendering.session.find_negative_pixels", find)
+    captured = capture(scene(), tmp_path / "x.lf", memory=5 * VIEW_BYTES, threads=2, spp=1)
+    assert captured.bands == len(places) > 1
+    assert captured.stats.negative_pixels == 2 * len(places)
+    assert captured.stats.negative == {"lowest": -float(len(places)), "pixel": places[-1], "causes": ["filter"]}

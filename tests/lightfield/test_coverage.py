@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 
+import h5py
 import numpy as np
 import PIL.Image
 import pytest
@@ -63,6 +64,16 @@ def test_depth_is_not_sure_without_light(bright, dark, lit):
     }
     assert len(error["dark"]) > 0.9 * len(error["whole"])
     assert np.sqrt((error["dark"] ** 2).mean()) < 1.2 * np.sqrt((error["whole"] ** 2).mean())
+
+
+@pytest.mark.parametrize("method", ["focus", "slopes"])
+def test_depth_that_one_other_view_tells_is_not_sure(bright, method):
+    lit = np.ones(bright.radiance.shape[:4], dtype=bool)
+    lit[..., :, :30] = False
+    lit[3, 3:5] = True
+    found = depth_map(darkened(bright, lit), method=method, threads=1, near=1.5, far=4.0)
+    assert (found.confidence[:, :30] == 0.0).all()
+    assert (found.confidence[:, 40:-4] >= 0.5).mean() > 0.5
 
 
 def test_pictures_are_means_of_what_is_lit(bright, dark, lit):
@@ -176,3 +187,42 @@ def test_finer_than_any_view_behind_hexagons(hexagons, tmp_path):
         single = error(upsample_cubic(field.view(row, column), 4))
         assert error(found) < 0.5 * single
         assert error(found) < 0.6 * error(plain)
+
+
+def test_noise_is_not_multiplied():
+    """However noisy views are, what all of them together tell is better than one of them."""
+    surfaces = [Surface(2.2, waves(1, 0.06), tilt=(0.3, 0.2))]
+    field = light_field(views(7, 7, spacing=0.023, width=48, height=36), surfaces, noise=0.2, supersampling=2)
+    fine = light_field(views(1, 1, width=192, height=144), surfaces).view(0, 0)
+    depth = Depth(1.0 / field.layers["depth"][3, 3], np.ones((36, 48)), 3, 3)
+    assert away(supersampled(field, 4, depth), fine) < 0.6 * away(upsample_cubic(field.view(3, 3), 4), fine)
+
+
+def test_views_of_the_middle_of_a_lens():
+    """Fewer than fit into the sub-images: the lens is wider than all of them together, and they are all lit."""
+    geometry = dataclasses.replace(views(3, 3, spacing=0.01, width=12, height=9), aperture=0.2)
+    field = LightField(np.ones((3, 3, 9, 12, 3)), geometry)
+    assert lit_views(field).all()
+    assert refocus(field, 1.5).radiance == pytest.approx(1.0)
+    with pytest.raises(InputError, match="wider than all views together"):
+        refocus(field, 1.5, aperture=0.1)
+
+
+def test_samples_in_a_file(hexagons, tmp_path):
+    field = hexagons.light_field()
+    hexagons.write(tmp_path / "a.lf")
+    lf.write(tmp_path / "b.lf", field)
+    for name in ("a.lf", "b.lf"):
+        with lf.open(tmp_path / name) as read:
+            assert np.array_equal(read.samples.place, field.samples.place)
+            assert np.array_equal(read.samples.value, field.samples.value, equal_nan=True)
+            assert np.array_equal(read.layers[LIT_LAYER], field.layers[LIT_LAYER])
+            assert np.array_equal(lit_views(read), lit_views(field))
+    assert not lit_views(field)[0, 0]
+    assert np.isnan(field.samples.value[0, 0]).all()
+    assert run("info", tmp_path / "a.lf", "--check") == 0
+    with h5py.File(tmp_path / "b.lf", "r+") as file:
+        del file["microlenses/place"]
+        file["microlenses/place"] = np.zeros((3, 2))
+    with pytest.raises(InputError, match="microlenses must be of shapes"):
+        lf.open(tmp_path / "b.lf")

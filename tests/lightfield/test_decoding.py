@@ -1,10 +1,12 @@
 """Raw pictures behind microlenses: the grid is found again, and the views are what was drawn."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 
+from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.resampling import Resampler
 from raytracer.lightfield.decoding.calibration import find_grid
 from raytracer.lightfield.decoding.decoder import decode
@@ -66,7 +68,7 @@ def test_grid_of_a_spoilt_white_picture(pictures):
 
 
 @pytest.mark.parametrize("hexagonal", [False, True], ids=["square", "hexagonal"])
-@pytest.mark.parametrize(("pitch", "degrees"), [(5.03, 0.7), (7.4, 90.0), (40.4, 14.9)])
+@pytest.mark.parametrize(("pitch", "degrees"), [(5.03, 0.7), (7.4, 90.0), (21.3, -3.0), (40.4, 14.9)])
 def test_grids_of_all_sizes_and_rotations(hexagonal, pitch, degrees):
     camera = _camera(hexagonal, pitch, degrees, (720, 560) if pitch > 30.0 else (420, 360))
     grid = find_grid(spoiled(camera.picture(supersampling=1 if pitch > 20.0 else 2), 1, dust=4))
@@ -74,11 +76,22 @@ def test_grids_of_all_sizes_and_rotations(hexagonal, pitch, degrees):
     _check_grid(grid, camera, pitch=max(0.02, 0.001 * pitch), offset=max(0.05, 0.002 * pitch))
 
 
+def test_eight_bits_are_enough(pictures):
+    camera, white, _ = pictures
+    _check_grid(find_grid(np.rint(255.0 * np.clip(white, 0.0, 1.0)) / 255.0), camera)
+
+
 def test_a_raw_picture_shows_its_own_grid(pictures):
     camera, _, raw = pictures
     decoded = decode(raw)
     _check_grid(decoded.grid, camera, offset=0.1)
     assert "no white picture" in decoded.notes[0]
+
+
+def test_grid_in_a_file_is_the_same_grid(pictures):
+    grid = find_grid(pictures[1])
+    again = grid_from_dict(json.loads(json.dumps(grid.as_dict())), "grid.json")
+    assert again == dataclasses.replace(grid, blocks=(0, 0))
 
 
 @pytest.mark.parametrize(
@@ -212,13 +225,30 @@ def test_what_does_not_go_together(small, arguments, told):
         decode(small, **arguments)
 
 
-@pytest.mark.parametrize(("most", "dtype"), [(4095, np.uint16), (65520, np.uint16), (3000, np.uint16), (1, float)])
-def test_a_white_picture_is_clipped_where_a_sensors_numbers_end(small, most, dtype):
+def test_white_no_brighter_than_dark(small):
+    with pytest.raises(InputError, match="white: is black: nowhere brighter than dark"):
+        decode(small, small, dark=small)
+
+
+@pytest.mark.parametrize(
+    ("most", "dtype", "is_told"),
+    [(4095, "u2", True), (65520, "u2", True), (255, "u1", True), (3000, "u2", False), (1, "f8", False)],
+)
+def test_a_white_picture_is_clipped_where_a_sensors_numbers_end(small, most, dtype, is_told):
     # A flat top alone is what even light without noise makes, as in a rendered picture.
-    white = small
-    cut = np.minimum(white / np.quantile(white, 0.7), 1.0)
+    cut = np.minimum(small / np.quantile(small, 0.7), 1.0)
     notes = decode(cut, (most * cut).astype(dtype)).notes
-    assert any("clipped" in note for note in notes) == (most in (4095, 65520))
+    assert any("clipped" in note for note in notes) == is_told
+
+
+def test_whole_pixels_are_taken_as_they_are():
+    # A grid of 5 pixels: every view is every fifth pixel, bit for bit.
+    raw = np.random.default_rng(0).random((35, 50, 3))
+    resampler = Resampler(Lattice((2.5, 2.5), (5.0, 0.0), (0.0, 5.0)), 50, 35)
+    assert (resampler.count, resampler.width, resampler.height) == (5, 10, 7)
+    for row in range(5):
+        for column in range(5):
+            assert np.array_equal(resampler.view(raw, row, column), raw[row::5, column::5])
 
 
 @pytest.mark.parametrize("hexagonal", [False, True], ids=["square", "hexagonal"])
@@ -248,6 +278,11 @@ def test_bad_pixels_are_left_out_and_what_is_unseen_is_black():
     assert not seen.seen[:, 0].any()
     assert (seen.values[~seen.seen] == 0.0).all()
     assert np.allclose(seen.values[seen.seen], 0.25)
+
+
+def test_too_small_for_microlenses():
+    with pytest.raises(ValueError, match="fewer than two whole microlenses"):
+        Resampler(lattice(30.0, 0.7, (1.0, 2.0)), 50, 50)
 
 
 @pytest.mark.parametrize("mosaic", [False, True])

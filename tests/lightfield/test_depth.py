@@ -1,11 +1,14 @@
 """Depth from focus and from slopes, against distances that are known."""
 
+import math
+
 import numpy as np
 import pytest
 
-from raytracer.lightfield.depth.depth_map import METHODS, depth_map
+from raytracer.lightfield.depth.depth_map import METHODS, Depth, depth_map
+from raytracer.lightfield.super_resolution import all_in_focus, supersampled, upsample_cubic
 from raytracer.util.errors import InputError
-from tests.lightfield.analytic import Surface, light_field, views, waves
+from tests.lightfield.analytic import Surface, away, light_field, seen, views, waves
 
 SURE = 0.5
 
@@ -56,6 +59,33 @@ def test_without_texture_nothing_is_sure(method):
     assert np.quantile(depth_map(flat, method=method, threads=1).confidence, 0.9) < SURE
 
 
+def test_same_bits_by_any_number_of_threads(leaning):
+    one, three = (depth_map(leaning, threads=threads, near=1.4, far=4.0) for threads in (1, 3))
+    assert np.array_equal(one.inverse, three.inverse)
+    assert np.array_equal(one.confidence, three.confidence)
+
+
+def test_sharp_everywhere_and_finer_than_any_view():
+    """Against the views without noise, and against a view rendered with smaller pixels."""
+    surfaces = [Surface(2.2, waves(1, 0.06), tilt=(0.3, 0.2))]
+    geometry = views(7, 7, spacing=0.023, width=72, height=60)
+    field = light_field(geometry, surfaces, noise=0.02, supersampling=2)
+    row, column = geometry.nearest()
+    exact = seen(geometry, surfaces, (0.0, 0.0), 2)[0]
+    found = depth_map(field, threads=2)
+
+    def sharpness(picture):
+        return float((np.diff(picture, axis=0) ** 2).mean() + (np.diff(picture, axis=1) ** 2).mean())
+
+    sharp = all_in_focus(field, found)
+    assert sharpness(sharp) > 0.95 * sharpness(exact)
+    assert away(sharp, exact) < 0.7 * away(field.view(row, column), exact)
+
+    fine_views = views(7, 7, spacing=0.023, width=144, height=120)
+    fine = seen(fine_views, surfaces, (0.0, 0.0))[0]
+    assert away(supersampled(field, 2, found), fine) < 0.8 * away(upsample_cubic(field.view(row, column), 2), fine)
+
+
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
@@ -68,3 +98,8 @@ def test_without_texture_nothing_is_sure(method):
 def test_wrong_wishes(leaning, wrong, told):
     with pytest.raises(InputError, match=told):
         depth_map(leaning, **wrong)
+
+
+def test_infinity():
+    found = Depth(np.array([[0.0, 0.5, -0.1]]), np.ones((1, 3)), 0, 0)
+    assert found.distance.tolist() == [[math.inf, 2.0, math.inf]]

@@ -3,6 +3,7 @@
 import configparser
 import dataclasses
 import math
+import os
 import random
 
 import numpy as np
@@ -70,6 +71,16 @@ def test_parameters_tell_the_whole_geometry_and_maps_the_depth(tmp_path):
     for path in tmp_path.glob("gt_depth*"):
         path.unlink()
     assert np.allclose(import_views(tmp_path).layers["depth"], field.layers["depth"], rtol=1e-5, atol=0.0)
+
+
+def test_one_map_is_that_of_the_middle(tmp_path):
+    field = light_field()
+    export_views(field, tmp_path, naming="hci")
+    for path in [*tmp_path.glob("gt_*_Cam*"), tmp_path / "geometry.json"]:
+        path.unlink()
+    depth = import_views(tmp_path).layers["depth"]
+    assert np.array_equal(depth[1, 1], field.layers["depth"][1, 1])
+    assert np.isnan(depth).sum() == 8 * HEIGHT * WIDTH
 
 
 def test_an_array_is_taken_back(tmp_path):
@@ -234,6 +245,20 @@ def test_plain_names(tmp_path, names, options):
     assert found.views.position[0, 0].tolist() == [-1.0, 0.5]
 
 
+def test_every_second_view_is_two_steps_away(tmp_path):
+    for c in (1, 3, 7):
+        np.save(tmp_path / f"view_00_{c:02d}.npy", shade(0, c))
+    assert import_views(tmp_path).views.position[0, :, 0].tolist() == [-3.0, -1.0, 3.0]
+
+
+def test_whole_numbers_of_arrays_are_what_displays_show(tmp_path):
+    np.save(tmp_path / "a.npy", np.full((1, 2, 2, 2, 3), 188, dtype=np.uint8))
+    # IEC 61966-2-1: 188 of 255 is 0.5029.
+    assert import_views(tmp_path / "a.npy").radiance[0, 0] == pytest.approx(0.5029, abs=1e-4)
+    np.save(tmp_path / "b.npy", np.full((1, 2, 2, 2), 0.25, dtype=np.float16))
+    assert import_views(tmp_path / "b.npy").radiance[0, 1].tolist() == np.full((2, 2, 3), 0.25).tolist()
+
+
 def text(name, words):
     return lambda folder: (folder / name).write_text(words)
 
@@ -259,6 +284,7 @@ WRONG = {
     "a missing view": ("v_0_0 v_0_1 v_1_0", None, {}, "the view of row 1, column 1 is missing"),
     "two for one place": ("v_0_0 v_00_0", None, {}, "v_0_0.npy and v_00_0.npy are both|are both view 0, 0"),
     "names without numbers": ("a", None, {}, "must end in row and column, as view_03_05.png; a.npy does not"),
+    "a count that is no square": ("1 2 3", None, {}, "say --rows or --columns"),
     "another count": ("1 2 3", None, {"rows": 2}, "holds 3 views, not 2 rows of 1"),
     "two light fields": ("a_0_0 b_0_0", None, {}, "more than one light field"),
     "not enough for metres": ("v_0_0", None, {"spacing": 0.1}, r"need also --focus-distance .* and --vfov"),
@@ -278,11 +304,13 @@ WRONG = {
         "v_0_1.npy: is of 9 x 6 pixels, and must be 8 x 6 as v_0_0.npy is",
     ),
     "a broken geometry": ("v_0_0", text("geometry.json", "{"), {}, "is no geometry of a light field"),
+    "a list for a geometry": ("v_0_0", text("geometry.json", "[1]"), {}, "is no geometry"),
     "an empty geometry": ("v_0_0", text("geometry.json", "{}"), {}, "has no 'position'"),
     "no parameters": ("input_Cam000", text("parameters.cfg", "hello"), {}, "is no file of parameters"),
     "too few": ("input_Cam000", text("parameters.cfg", "[intrinsics]\n"), {}, "has no image_resolution_x_px"),
     "a text": ("input_Cam000", cfg("= 25", "= wide"), {}, "baseline_mm must be a number, not 'wide'"),
     "no baseline": ("input_Cam000", cfg("= 25", "= 0"), {}, "baseline_mm must be greater than 0"),
+    "nan for a baseline": ("input_Cam000", cfg("= 25", "= nan"), {}, "baseline_mm must be greater than 0, not nan"),
     "half a camera": ("input_Cam000", cfg("x = 1", "x = 1.5"), {}, "num_cams_x must be an integer"),
     "more cameras than views": ("input_Cam000", cfg("x = 1", "x = 9"), {}, "holds 1 views, not 1 rows of 9"),
     "other pixels": ("input_Cam000", cfg("= 8", "= 512"), {}, "says 512 x 6 pixels a view; they have 8 x 6"),
@@ -318,6 +346,17 @@ def test_a_wrong_array_is_told(tmp_path, data, sentence):
     np.save(tmp_path / "a.npy", data(), allow_pickle=True)
     with pytest.raises(InputError, match=sentence):
         import_views(tmp_path / "a.npy")
+
+
+def test_arrays_that_are_not_whole(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        import_views(tmp_path / "a.npy")
+    np.save(tmp_path / "a.npy", np.zeros((2, 2, 20, 20, 3)))
+    whole = (tmp_path / "a.npy").read_bytes()
+    for length in (0, 5, 60, 128, len(whole) - 1):
+        (tmp_path / "a.npy").write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"a.npy: is truncated, or no \.npy file"):
+            import_views(tmp_path / "a.npy")
 
 
 def test_pictures_that_do_not_divide(tmp_path):
@@ -357,3 +396,27 @@ def test_what_names_cannot_tell_is_not_exported(tmp_path):
         export_views(field, tmp_path, suffix=".lf")
     with pytest.raises(InputError, match="naming must be one of grid, stanford, hci, got 'lytro'"):
         export_views(field, tmp_path, naming="lytro")
+
+
+def test_what_is_too_bright_is_counted(tmp_path):
+    field = light_field(rows=1, columns=1)
+    bright = LightField(1.5 * field.radiance, field.views)
+    assert export_views(bright, tmp_path / "a").clipped == field.radiance.mean()
+    assert export_views(bright, tmp_path / "b", suffix=".exr").clipped == 0.0
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are POSIX's")
+@pytest.mark.parametrize("name", ["geometry.json", "parameters.cfg"])
+def test_a_pipe_is_not_waited_for(tmp_path, name):
+    for number in range(4):
+        np.save(tmp_path / f"input_Cam{number:03d}.npy", shade(0, 0))
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError, match=f"{name}: .*no regular file"):
+        import_views(tmp_path)
+
+
+def test_an_archive_of_arrays_is_no_array(tmp_path):
+    np.savez(tmp_path / "a.npz", np.zeros((1, 1, 2, 2, 3)))
+    (tmp_path / "a.npz").rename(tmp_path / "a.npy")
+    with pytest.raises(InputError, match=r"is truncated, or no \.npy file"):
+        import_views(tmp_path / "a.npy")

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from raytracer.cli.base.app import application
 from raytracer.film import image_file
 from raytracer.film.light_field import lf
+from raytracer.film.light_field.field import LightField, Rays
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, views, waves
@@ -60,16 +61,45 @@ def test_a_stack_is_an_animation_or_a_picture_each(field, file, tmp_path):
         np.testing.assert_allclose(found, refocus(field, distance).radiance, rtol=1e-10)
 
 
+def test_equal_steps_of_distance_and_slopes(file, tmp_path):
+    told = json.loads(_run(file, "-d", "1:2:3,5", "-o", tmp_path / "a.webp", "--json"))
+    assert told["distances_m"] == [1.0, 1.5, 2.0, 5.0]
+    told = json.loads(_run(file, "--slope", "0:1:2", "--method", "fourier", "-o", tmp_path / "b.webp", "--json"))
+    pixel = 2.0 * np.tan(np.radians(15.0)) / 18
+    assert told["distances_m"] == pytest.approx([2.0, 1.0 / (0.5 + pixel / 0.01)])
+
+
+def test_without_metres_it_tells_slopes(field, tmp_path):
+    lf.write(tmp_path / "a.lf", LightField(field.radiance, field.views, settings={"units": "views"}))
+    told = json.loads(_run(tmp_path / "a.lf", "--slope", "-0.5:1:3", "-o", tmp_path / "b.gif", "--json"))
+    assert set(told) == {"slopes_px", "files"}
+    np.testing.assert_allclose(told["slopes_px"], [-0.5, 0.25, 1.0], atol=1e-12)
+
+
+def test_rays_that_leave_pixels_black_are_told_of(field, tmp_path):
+    rays = Rays(np.zeros((1, 4)), np.ones((1, 3)), np.ones(1))
+    single = LightField(np.zeros((1, 1, 18, 24, 3)), views(1, 1, width=24, height=18), rays=rays)
+    lf.write(tmp_path / "rays.lf", single)
+    found = CliRunner().invoke(
+        application(),
+        ["lightfield", "refocus", str(tmp_path / "rays.lf"), "--method", "rays", "-o", str(tmp_path / "a.png")],
+    )
+    assert found.exit_code == 0
+    assert "no ray comes to 99.8 % of the pixels" in found.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         (["-d", "2", "--alpha", "1", "-o", "a.png"], "give one of them"),
         (["-d", "2 kg", "-o", "a.png"], "--distance 2 kg"),
+        (["-d", "1:4", "-o", "a.gif"], "START:STOP:COUNT"),
         (["-d", "1:inf:4", "-o", "a.gif"], "1:inf:4:inverse"),
         (["-d", "0:4:4:inverse", "-o", "a.gif"], "greater than 0"),
         (["-d", "1:4:1", "-o", "a.gif"], "from 2 to 10000 planes"),
         (["-d", "2", "-o", "a.gif"], "needs several distances"),
         (["-d", "2", "-o", "a.lf"], "unknown suffix '.lf' for a photograph"),
+        (["-d", "2", "--center", "1", "-o", "a.png"], "two lengths"),
         (["-d", "2", "--crop", "0,0,30,10", "-o", "a.png"], "wall.lf: crop 0,0,30,10 must lie within a view"),
         (["-d", "2", "--f-number", "4", "-o", "a.png"], "wall.lf: an f-number needs the focal length"),
     ],

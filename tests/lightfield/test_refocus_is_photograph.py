@@ -1,5 +1,6 @@
 """A light field that is focused after the shot is the photograph of a thin lens that was focused so."""
 
+import math
 from dataclasses import replace
 from functools import cache
 
@@ -9,7 +10,9 @@ import pytest
 from raytracer.film.light_field.field import LightField, rays_from_layer
 from raytracer.film.light_field.focusing import refocusable
 from raytracer.film.light_field.layout import extract_light_field as of
-from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.lightfield.refocusing.fourier import FourierRefocuser
+from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
+from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.rendering.render import render
 from tests.lightfield.analytic import away
 from tests.small_scenes import scene
@@ -34,8 +37,12 @@ objects:
 _CAMERA = "camera: {%s, look_from: [0, 0, 0.6], look_at: [0, 0, 0], vfov: 30, focal_length: 216 mm, focus_distance: %r}"
 
 # Of the range in which neighbouring views differ by a pixel at most, in 1/distance from the common plane: from 12 to
-# 0.28 m.
-INSIDE = (-0.85, 0.3, 1.0)
+# 0.28 m, and then nearer.
+INSIDE = (-0.85, -0.5, -0.07, 0.3, 0.6, 1.0)
+OUTSIDE = 1.5
+
+# The ends of that range and what lies between; each is a photograph of its own.
+EVERY_INSIDE = [part if part in {-0.85, 0.3, 1.0} else pytest.param(part, marks=pytest.mark.slow) for part in INSIDE]
 
 # Of a picture; the rest is nearer to a border than a view is ever shifted in a picture inside the range.
 INNER = (slice(8, -8), slice(8, -8))
@@ -69,7 +76,7 @@ def _relative(a, b):
     return away(a, b, 8)
 
 
-@pytest.mark.parametrize("part", INSIDE)
+@pytest.mark.parametrize("part", EVERY_INSIDE)
 def test_inside_the_range_views_make_the_photograph(field, part):
     distance = _distance(field, part)
     truth = photograph(distance).radiance
@@ -80,11 +87,28 @@ def test_inside_the_range_views_make_the_photograph(field, part):
     assert left > 2.5 * error
 
 
-@pytest.mark.parametrize("part", INSIDE)
+def test_outside_of_it_they_are_near_the_photograph(field):
+    # Copies of edges come apart, by half a pixel more than they are wide.
+    distance = _distance(field, OUTSIDE)
+    truth = photograph(distance).radiance
+    assert _relative(refocus(field, distance, aperture=APERTURE).radiance, truth) < 0.02
+    assert _relative(refocus(field, FOCUS, aperture=APERTURE).radiance, truth) > 0.1
+
+
+@pytest.mark.parametrize("part", [*EVERY_INSIDE, OUTSIDE])
 def test_a_slice_of_the_spectrum_is_the_sum_of_the_views(field, part):
     distance = _distance(field, part)
     summed = refocus(field, distance, aperture=APERTURE).radiance
     assert _relative(refocus(field, distance, aperture=APERTURE, method="fourier").radiance, summed) < 0.01
+
+
+def test_one_spectrum_serves_all_planes(field):
+    weights = cell_weights(field.views, APERTURE)
+    inverses = [1.0 / _distance(field, part) for part in INSIDE]
+    slices = FourierRefocuser(field, inverses, weights)
+    stack = focal_stack(field, [1.0 / inverse for inverse in inverses], aperture=APERTURE)
+    for inverse, image in zip(inverses, stack, strict=True):
+        assert _relative(slices.picture(inverse), image.radiance) < 0.01
 
 
 def _anywhere(picture):
@@ -94,7 +118,7 @@ def _anywhere(picture):
     return LightField(picture.radiance[None, None], views, rays=rays_from_layer(picture.layers["rays"], views))
 
 
-@pytest.mark.parametrize("part", INSIDE)
+@pytest.mark.parametrize("part", [*EVERY_INSIDE, OUTSIDE])
 def test_the_same_rays_make_the_same_picture(field, part):
     distance = _distance(field, part)
     picture = photograph(distance)
@@ -102,7 +126,7 @@ def test_the_same_rays_make_the_same_picture(field, part):
     np.testing.assert_allclose(found, picture.radiance, rtol=1e-10)
 
 
-@pytest.mark.parametrize("part", INSIDE)
+@pytest.mark.parametrize("part", [*EVERY_INSIDE, OUTSIDE])
 def test_rays_of_one_focus_make_the_photograph_of_another(field, part):
     distance = _distance(field, part)
     truth, taken = photograph(distance), photograph(FOCUS)
@@ -112,7 +136,7 @@ def test_rays_of_one_focus_make_the_photograph_of_another(field, part):
     assert _relative(found, truth.radiance) < 1.42 * noise
 
 
-@pytest.mark.parametrize("distance", [0.4, 1.4])
+@pytest.mark.parametrize("distance", [0.6, 0.4, 1.4])
 def test_stopped_down_after_the_shot(field, distance):
     # 216 mm at f/3.6 is the lens of 60 mm; f/18 is 12 mm.
     wide, deep = photograph(distance).radiance, photograph(distance, 0.2 * APERTURE).radiance
@@ -131,3 +155,27 @@ def test_rays_are_stopped_down_one_by_one():
     rays = of(photograph(distance))
     found = refocus(rays, distance, aperture=opening, method="rays").radiance
     assert _relative(found, photograph(distance, opening).radiance) < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", [-0.85, -0.5, 0.3, 1.0])
+def test_a_microlens_camera_takes_the_same_photographs(part):
+    field = _behind_microlenses()
+    distance, top = _distance(field, part), field.views.plane.top
+    # Its framing is that of its views.
+    framing = _CAMERA.replace("vfov: 30", f"vfov: {math.degrees(2.0 * math.atan(top))!r}")
+    wide, deep = (
+        _rendered(f"type: thin_lens, f_number: {number}", distance, 256, camera=framing).radiance
+        for number in (3.6, 18.0)
+    )
+    opened, stopped = refocus(field, distance).radiance, refocus(field, distance, f_number=18.0).radiance
+    assert _relative(opened, wide) < 0.02
+    assert _relative(stopped, deep) < 0.02
+    assert _relative(opened, stopped) == pytest.approx(_relative(wide, deep), rel=0.05)
+
+
+@cache
+def _behind_microlenses():
+    text = _CAMERA % ("type: light_field, f_number: 3.6, microlenses: {pixels: 15}", FOCUS) + _SCENE
+    size = {"width": VIEWS * WIDTH, "height": VIEWS * HEIGHT}
+    return of(render(scene(text, **size, spp=16, max_depth=1, sampler="sobol", filled=False), threads=2, seed=5).image)

@@ -8,9 +8,11 @@ import pytest
 
 from raytracer.film.light_field.field import LightField, Rays
 from raytracer.film.light_field.focusing import alpha_to_inverse_distance, refocusable, slope_to_inverse_distance
-from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.lightfield.refocusing.fourier import FourierRefocuser
+from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
 from raytracer.lightfield.refocusing.shift_and_sum import INTERPOLATIONS, interpolation_taps, make_shift
 from raytracer.lightfield.synthetic_aperture import cell_weights
+from raytracer.plugins.apertures.polygon import PolygonAperture
 from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, away, light_field, views, waves
 
@@ -38,12 +40,23 @@ def test_a_wall_in_focus_is_what_the_middle_sees(wall, interpolation):
     assert away(refocus(wall, 2.0).radiance, wall.view(3, 3), 8) > 0.05
 
 
+def test_the_default_is_the_plane_where_views_converge(wall):
+    found = refocus(wall)
+    np.testing.assert_allclose(found.radiance, np.asarray(wall.radiance).mean(axis=(0, 1)), rtol=1e-12)
+    assert found.settings["refocused_m"] == pytest.approx(2.0)
+
+
 def test_a_tilted_plane_is_sharp_all_over(floor):
     found = refocus(floor, 1.6, tilt=40.0, swing=20.0).radiance
     assert away(found, floor.view(3, 3), 8) < 0.005
     # Neither is it so for a plane that faces the views, nor for one that leans the other way.
     assert away(refocus(floor, 1.6).radiance, floor.view(3, 3), 8) > 0.03
     assert away(refocus(floor, 1.6, tilt=-40.0, swing=-20.0).radiance, floor.view(3, 3), 8) > 0.05
+
+
+def test_a_plane_that_hardly_leans_is_one_that_faces_the_views(wall):
+    leaning = refocus(wall, 1.6, tilt=1e-9, interpolation="linear").radiance
+    np.testing.assert_allclose(leaning, refocus(wall, 1.6, interpolation="linear").radiance, atol=1e-8)
 
 
 def test_alpha_is_the_film_s_distance_over_what_it_was():
@@ -71,6 +84,13 @@ def test_the_range_is_where_neighbours_differ_by_a_pixel():
         shift = geometry.shift(1.0 / distance)
         assert abs(shift[0, 1, 0] - shift[0, 0, 0]) == pytest.approx(1.0)
     assert refocusable(replace(geometry, inverse_focus=0.0))[1] == math.inf
+
+
+def test_a_stack_is_its_planes(wall):
+    distances = [1.2, 1.6, math.inf]
+    stack = focal_stack(wall, distances)
+    for distance, image in zip(distances, stack, strict=True):
+        np.testing.assert_allclose(image.radiance, refocus(wall, distance).radiance, rtol=1e-12)
 
 
 @pytest.mark.parametrize("method", ["shift", "fourier"])
@@ -128,10 +148,28 @@ def test_cells_are_weighted_by_what_of_them_is_covered():
     assert 0.0 < weights[0, 7] < 1.0
 
 
+def test_a_square_diaphragm_has_the_disc_s_area():
+    geometry = views(21, 21, spacing=0.004)
+    square = PolygonAperture(blades=4, rotation=45.0).pack({})
+    weights = cell_weights(geometry, 0.05, square)
+    assert weights.sum() * 0.004**2 == pytest.approx(math.pi * 0.025**2, rel=2e-2)
+    # Its half edge is sqrt(pi) / 2 of the disc's radius: 22.16 mm, 5 cells and 0.54 of the sixth.
+    np.testing.assert_allclose(weights[10, 10:17], [1, 1, 1, 1, 1, 1, 0.0], atol=0.05)
+    np.testing.assert_allclose(weights[4:17, 4:17], np.minimum.outer(weights[4:17, 10], weights[10, 4:17]), atol=0.05)
+
+
 def test_an_opening_may_be_off_the_middle(wall):
     # So small that only one view is within it: the picture is that view, focused or not, moved to the plane.
     found = refocus(wall, aperture=0.01, center=(0.1, 0.05)).radiance
     np.testing.assert_allclose(found, wall.view(2, 5), rtol=1e-12)
+
+
+def test_an_aperture_may_be_named(wall):
+    shape = "{type: polygon, blades: 3}"
+    named = refocus(wall, 1.3, aperture=0.25, aperture_shape=shape).radiance
+    made = refocus(wall, 1.3, aperture=0.25, aperture_shape=PolygonAperture(blades=3)).radiance
+    assert (named == made).all()
+    assert away(named, refocus(wall, 1.3, aperture=0.25).radiance, 8) > 1e-3
 
 
 def test_rays_go_where_they_meet_the_plane():
@@ -161,12 +199,32 @@ def test_a_slice_is_the_sum(size):
         assert away(refocus(field, distance, method="fourier").radiance, summed, 12) < 0.01
 
 
+def test_a_slice_is_a_sum_over_shifted_sines():
+    # Of views that hold a sine, the mean of sines moved by u (w0 - w), to what the kernel leaves.
+    geometry = views(9, 9, width=60, height=40)
+    frequency = 0.11
+    x = np.arange(60)
+    view = np.broadcast_to((1.0 + np.sin(2 * np.pi * frequency * x))[None, :, None], (40, 60, 3))
+    field = LightField(np.broadcast_to(view, (9, 9, 40, 60, 3)), geometry)
+    moved = geometry.shift(1.0 / 1.3)[..., 0]
+    expected = np.mean(1.0 + np.sin(2 * np.pi * frequency * (x + moved[..., None])), axis=(0, 1))
+    found = FourierRefocuser(field).picture(1.0 / 1.3)
+    np.testing.assert_allclose(found[20, 20:40, 1], expected[20:40], atol=2e-3)
+
+
+def test_slices_are_made_for_a_range(wall):
+    with pytest.raises(InputError, match="made for planes of focus from"):
+        FourierRefocuser(wall, [0.5, 0.6]).picture(2.0)
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
         ({"distance": 0.0}, "farther than 0"),
+        ({"distance": math.nan}, "farther than 0"),
         ({"distance": 1.0, "alpha": 1.0}, "give one of them"),
         ({"f_number": 2.0}, "needs the focal length"),
+        ({"f_number": 2.0, "aperture": 0.1}, "give one of them"),
         ({"aperture": 0.0}, "greater than 0"),
         ({"aperture": 0.05, "center": (1.0, 0.0)}, "no view lies within"),
         ({"aperture_shape": "hexagon", "aperture": 0.25}, "aperture_shape hexagon: unknown"),
@@ -177,6 +235,7 @@ def test_a_slice_is_the_sum(size):
         ({"method": "magic"}, "shift, fourier, rays"),
         ({"interpolation": "sharp"}, "linear, cubic, lanczos"),
         ({"crop": (0, 0, 65, 10)}, "must lie within a view"),
+        ({"scale": 2.0}, "only method rays"),
     ],
 )
 def test_what_cannot_be_is_said(wall, options, sentence):
@@ -189,3 +248,24 @@ def test_a_light_field_without_metres_takes_slopes_only(wall):
     with pytest.raises(InputError, match="give a slope"):
         refocus(bare, 2.0)
     assert refocus(bare, slope=0.5).radiance.shape == (48, 64, 3)
+
+
+def test_an_opening_is_no_wider_than_the_lens():
+    lens = replace(views(5, 5, width=24, height=16), cell=(0.01, 0.01), aperture=0.05, focal_length=100.0)
+    field = LightField(np.zeros((5, 5, 16, 24, 3)), lens)
+    with pytest.raises(InputError, match=r"100 mm is wider than the lens was, 50 mm \(f/2\)"):
+        refocus(field, f_number=1.0)
+
+
+def test_a_single_view_has_its_focus_for_good():
+    with pytest.raises(InputError, match="but one view"):
+        refocus(LightField(np.zeros((1, 1, 4, 5, 3)), views(1, 1, width=5, height=4)), 1.0)
+
+
+def test_scattered_views_have_no_slices(wall):
+    places = wall.views.position + 1e-4 * np.random.default_rng(1).standard_normal(wall.views.position.shape)
+    scattered = replace(wall, views=replace(wall.views, position=places))
+    with pytest.raises(InputError, match="not on a regular grid"):
+        refocus(scattered, 1.6, method="fourier")
+    # By shift they are focused where they are.
+    assert refocus(scattered, 1.6).radiance.std() > 0.01

@@ -12,9 +12,10 @@ import pytest
 
 from raytracer.film import srgb
 from raytracer.film.light_field import lf
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import LightField, Rays
 from raytracer.film.light_field.views import Plane, Views
 from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.lightfield.viewer.page import page as page_of
 from raytracer.lightfield.viewer.page import write_page
 from tests.browser import WEBGL
 from tests.lightfield.analytic import Surface, light_field, views, waves
@@ -43,13 +44,23 @@ def field():
     return dataclasses.replace(made, radiance=np.clip(made.radiance, 0.0, 1.0))
 
 
+@pytest.fixture(scope="module")
+def plain(field, tmp_path_factory):
+    """The page of that light field, which most tests open."""
+    path = tmp_path_factory.mktemp("viewer") / "page.html"
+    write_page(path, field)
+    return path
+
+
 @pytest.fixture
-def opened(open_page, tmp_path):
+def opened(open_page, plain, field, tmp_path):
     """The page of a light field, once all of its views are there."""
 
-    def opened(field, fragment="", settings=None, **window):
-        path = tmp_path / "page.html"
-        write_page(path, field, **(settings or {}))
+    def opened(shown, fragment="", settings=None, **window):
+        path = plain
+        if shown is not field or settings:
+            path = tmp_path / "page.html"
+            write_page(path, shown, **(settings or {}))
         page = open_page(path, fragment, **window)
         page.locator(f"body[data-views='{len(data_in(path)['views'])}'][data-shown]").wait_for()
         return page
@@ -111,6 +122,21 @@ def test_it_is_refocused_as_by_python(opened, field, distance):
     assert error.mean() < 0.5
 
 
+def test_the_formula(opened, field):
+    """The mean over views of L(u, x - u (w' - w0)), by the definition, where all views see."""
+    from scipy import ndimage
+
+    page = opened(field, f"#focus={MIDDLE}")
+    shifts = field.views.shift(1.0 / MIDDLE)
+    total = np.zeros((HEIGHT, WIDTH, 3))
+    for index in np.ndindex(7, 7):
+        right, down = shifts[index]
+        total += ndimage.shift(field.view(*index), (-down, -right, 0.0), order=1, mode="nearest")
+    border = int(np.ceil(np.abs(shifts).max())) + 1
+    inside = np.s_[border:-border, border:-border]
+    assert np.abs(seen(page) - srgb.to_uint8(total / 49.0))[inside].max() <= 2.0
+
+
 def test_a_smaller_aperture_is_python_s(opened, field):
     """A round one: views count by the part of their cell that it covers."""
     page = opened(field, f"#focus={MIDDLE}&aperture=0.5&shape=round")
@@ -131,6 +157,13 @@ def test_behind_a_lens_views_count_by_what_it_lets_through(opened, field):
     page.evaluate("choose({ eye: [1, 1] })")
     assert number(page, "aperture") == 1.0
     assert np.hypot(*page.evaluate("state.eye")) <= 0.5 * across * (1.0 + 1e-12)
+
+
+def test_closed_it_is_a_view(opened, field):
+    """Through a pinhole where a view is, focused where all views see the same: bits for bits."""
+    page = opened(field, f"#focus=2&aperture=0&from={1000 * SPACING * 2},{1000 * SPACING}")
+    np.testing.assert_allclose(seen(page), srgb.to_uint8(field.view(2, 5)), atol=1.0)
+    assert page.locator("#aperture output").inner_text() == "closed: everything is sharp"
 
 
 @pytest.mark.parametrize(("distance", "eye"), [(NEAR, (0, 0)), (MIDDLE, (24, -24)), (FAR, (24, -24))])
@@ -202,6 +235,35 @@ def test_sliders_and_keys(opened, field):
     assert number(page, "focus") == pytest.approx(MIDDLE, rel=0.01)
 
 
+def test_a_double_click_makes_all_sharp(opened, field):
+    page = opened(field, f"#focus={FAR}")
+    before = seen(page)
+    page.mouse.dblclick(*place(page, AT[MIDDLE]))
+    settled(page)
+    after = seen(page)
+    for distance in (NEAR, MIDDLE):
+        assert sharpness(after, AT[distance]) > 1.5 * sharpness(before, AT[distance])
+
+
+def test_a_finger(opened, field):
+    page = opened(field, f"#focus={FAR}", size=(390, 760), has_touch=True, is_mobile=True)
+    page.touchscreen.tap(*place(page, AT[NEAR]))
+    settled(page)
+    assert number(page, "focus") == pytest.approx(NEAR, rel=0.01)
+    # A drag with a finger is told to pages as its pointer moves.
+    moved = page.evaluate(
+        """() => {
+          const box = canvas.getBoundingClientRect();
+          const say = (kind, x) => canvas.dispatchEvent(new PointerEvent(kind, {
+            pointerId: 7, pointerType: "touch", button: 0, clientX: box.left + x, clientY: box.top + 50 }));
+          canvas.setPointerCapture = () => {};
+          say("pointerdown", 50); say("pointermove", 100); say("pointerup", 100);
+          return state.eye[0];
+        }"""
+    )
+    assert moved < 0.0
+
+
 def test_the_address_says_what_is_seen(opened, field):
     page = opened(field, "#focus=2.5&aperture=0.3&from=10,-5&ev=1.5&shape=round")
     shown = page.evaluate("document.body.dataset.shown")
@@ -237,15 +299,38 @@ def test_without_webgl_there_is_a_picture(open_page, field, tmp_path):
     assert not page.locator("#camera").is_visible()
 
 
+def test_a_context_that_is_lost_comes_back(opened, field):
+    page = opened(field, f"#focus={NEAR}")
+    before = seen(page)
+    page.evaluate(
+        """() => new Promise((done) => {
+          const loss = painter.gl.getExtension("WEBGL_lose_context");
+          delete document.body.dataset.views;
+          canvas.addEventListener("webglcontextlost", () => setTimeout(() => { loss.restoreContext(); done(); }, 50));
+          loss.loseContext();
+        })"""
+    )
+    page.locator("body[data-views]").wait_for()
+    np.testing.assert_array_equal(seen(page), before)
+
+
 def test_names_are_text(opened, field):
     page = opened(field, settings={"title": "<b>a</b> & </script>"})
     assert page.locator("h1").inner_text() == "<b>a</b> & </script>"
     assert page.locator("b").count() == 0
 
 
+def part(field, rows, columns):
+    index = (rows, columns)
+    return LightField(
+        field.radiance[index],
+        dataclasses.replace(field.views, position=field.views.position[index]),
+        {name: layer[index] for name, layer in field.layers.items()},
+    )
+
+
 def test_one_row(opened, field):
-    places = dataclasses.replace(field.views, position=field.views.position[3:4])
-    row = LightField(field.radiance[3:4], places, {"depth": field.layers["depth"][3:4]})
+    row = part(field, slice(3, 4), slice(None))
     page = opened(row, f"#focus={FAR}")
     assert off(page, row, FAR).max() <= 2.0
     assert "left and right" in page.locator("#help").inner_text()
@@ -255,6 +340,23 @@ def test_one_row(opened, field):
     page.mouse.click(*place(page, AT[MIDDLE]))
     settled(page)
     assert number(page, "focus") == pytest.approx(MIDDLE, rel=0.01)
+
+
+def test_one_view(opened, field):
+    page = opened(part(field, slice(3, 4), slice(3, 4)))
+    np.testing.assert_allclose(seen(page), srgb.to_uint8(field.view(3, 3)), atol=1.0)
+    assert "one view" in page.locator("#notes").inner_text()
+    assert page.get_by_role("slider").count() == 1
+    page.mouse.click(*place(page, AT[NEAR]))
+
+
+def test_distances_are_found_where_none_are_given(opened, field):
+    page = opened(dataclasses.replace(field, layers={}), f"#focus={FAR}")
+    before = sharpness(seen(page), AT[MIDDLE])
+    page.mouse.click(*place(page, AT[MIDDLE]))
+    settled(page)
+    assert number(page, "focus") == pytest.approx(MIDDLE, rel=0.05)
+    assert sharpness(seen(page), AT[MIDDLE]) > 1.3 * before
 
 
 def test_without_metres_it_tells_slopes(opened, field):
@@ -275,6 +377,25 @@ def test_without_metres_it_tells_slopes(opened, field):
     assert " m" not in page.locator("#camera").inner_text().replace(" middle", "").replace("mm", "")
 
 
+def test_rays_are_gathered_into_views(opened, field):
+    """A photograph of which only the rays were kept is focused anew."""
+    random = np.random.default_rng(1)
+    count = 200_000
+    row, column = random.integers(0, 7, (2, count))
+    u = field.views.position[row, column]
+    i, j = random.integers(0, WIDTH, count), random.integers(0, HEIGHT, count)
+    plane = field.views.plane
+    x, y = plane.left + (i + 0.5) * plane.pixel, plane.top - (j + 0.5) * plane.pixel
+    rays = Rays(np.column_stack([u, x, y]), field.radiance[row, column, j, i], np.ones(count))
+    lens = dataclasses.replace(field.views, position=np.zeros((1, 1, 2)), aperture=10.0 * SPACING)
+    photograph = LightField(np.asarray(field.radiance).mean(axis=(0, 1))[None, None], lens, rays=rays)
+    page = opened(photograph, f"#focus={NEAR}")
+    assert "200,000 rays are gathered into 3 x 3 views" in page.locator("#notes").inner_text()
+    near = seen(page)
+    page.evaluate(f"choose({{ w: {1.0 / FAR} }})")
+    assert sharpness(near, AT[NEAR]) > 1.3 * sharpness(seen(page), AT[NEAR])
+
+
 def test_the_dark_is_brightened_and_said(opened, field):
     dark = dataclasses.replace(field, radiance=np.asarray(field.radiance) / 1000.0)
     page = opened(dark, "#focus=2.5")
@@ -288,10 +409,95 @@ def test_the_dark_is_brightened_and_said(opened, field):
     assert seen(page).mean() < 100.0
 
 
+def test_an_address_just_set_is_not_overwritten(opened, field):
+    """The page writes its state a moment later: an address set meanwhile stays, although it has not been read yet."""
+    page = opened(field, "#focus=2.5")
+    said = page.evaluate("""() => {
+      const later = window.setTimeout;
+      let write;
+      window.setTimeout = (callback) => { write = callback; };
+      writeAddress();
+      window.setTimeout = later;
+      location.hash = "#ev=1";
+      write();
+      return location.hash;
+    }""")
+    assert said == "#ev=1"
+    page.wait_for_function("() => document.body.dataset.shown.includes('ev=1')")
+
+
+def test_light_beyond_white_stays_light(opened, field):
+    """A highlight is spread by blur as light is, not as what a display can show of it."""
+    radiance = np.array(field.radiance)
+    radiance[:, :, 20:23, 70:73] = 40.0
+    bright = dataclasses.replace(field, radiance=radiance)
+    page = opened(bright, f"#focus={NEAR}")
+    error = off(page, bright, NEAR)
+    assert off(page, dataclasses.replace(bright, radiance=np.clip(radiance, 0, 1)), NEAR).max() > 60.0
+    # The upper fifth of the codes holds 5.3 octaves: half a code is 3.7 % of light, 5 of 255 where it is near white.
+    assert error.max() <= 6.0
+    assert np.median(error) <= 1.0
+
+
+def test_not_a_number_is_black(opened, field):
+    radiance = np.array(field.radiance)
+    radiance[:, :, 10:14, 10:14] = np.nan
+    page = opened(dataclasses.replace(field, radiance=radiance), "#focus=2&aperture=0")
+    assert seen(page)[11:13, 11:13].max() == 0.0
+
+
+def test_views_at_any_places(opened, field):
+    """Places that are not those of a grid: each view is shifted by its own."""
+    moved = field.views.position + np.random.default_rng(5).uniform(-0.3, 0.3, (7, 7, 2)) * SPACING
+    uneven = dataclasses.replace(field, views=dataclasses.replace(field.views, position=moved))
+    page = opened(uneven, f"#focus={MIDDLE}")
+    assert off(page, uneven, MIDDLE).max() <= 3.0
+
+
+def noisy(rows, columns, width, height):
+    """Views that no codec makes much smaller: noise of a tenth around a ramp."""
+    random = np.random.default_rng(7)
+    ramp = np.linspace(0.2, 0.8, width)[None, :, None]
+    radiance = np.empty((rows, columns, height, width, 3), dtype=np.float32)
+    for index in np.ndindex(rows, columns):
+        radiance[index] = ramp + 0.1 * random.standard_normal((height, width, 3), dtype=np.float32)
+    depth = np.full(radiance.shape[:4], 2.5)
+    return LightField(np.clip(radiance, 0.0, 1.0), views(rows, columns, width=width, height=height), {"depth": depth})
+
+
+def test_of_many_views_every_second_is_left_out(tmp_path):
+    made = page_of(noisy(17, 17, 48, 36), size=1_000_000)
+    assert len(made.html) <= 1_000_000
+    path = tmp_path / "page.html"
+    path.write_bytes(made.html)
+    found = data_in(path)
+    assert "9 x 9 of its 17 x 17 views" in made.notes[0]
+    assert len(found["views"]) == 81
+    assert found["notes"] == list(made.notes)
+    # The ends and the middle are still there.
+    assert [found["views"][number]["at"] for number in (0, 40, 80)] == [
+        pytest.approx(place) for place in ([-0.08, 0.08], [0.0, 0.0], [0.08, -0.08])
+    ]
+    assert found["spacing"] == pytest.approx([0.02, 0.02])
+
+
+def test_few_large_views_become_smaller():
+    made = page_of(noisy(3, 3, 320, 240), size=1_000_000)
+    assert len(made.html) <= 1_000_000
+    assert re.search(r"views of \d+ x \d+ pixels in place of 320 x 240", made.notes[0])
+
+
 def test_what_fits_is_held_without_losses(field, tmp_path):
     path = tmp_path / "page.html"
     assert write_page(path, field) == ()
     np.testing.assert_array_equal(decoded(data_in(path)["views"][9]["picture"]), srgb.to_uint8(field.view(1, 2)))
+
+
+@pytest.mark.slow
+def test_a_page_of_81_views_is_under_40_megabytes():
+    made = page_of(noisy(9, 9, 512, 384))
+    assert len(made.html) < 40e6
+    assert not any("views of" in note or "of its" in note for note in made.notes)
 
 
 def test_on_the_command_line(field, tmp_path, capsys):

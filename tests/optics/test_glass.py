@@ -68,6 +68,15 @@ def test_indices_as_they_were_measured(name, wavelength, index):
     assert float(CATALOGUE[name].ior(wavelength)) == pytest.approx(index, abs=1.1e-5)
 
 
+def test_crystals_and_water():
+    # What handbooks give for them: diamond's fire is n(430.8) - n(686.7) = 0.044 with n_D = 2.417; water's n_D at 20
+    # degrees is 1.3330, and the ordinary ray of sapphire has 1.768.
+    diamond = CATALOGUE["diamond"]
+    assert float(diamond.ior(430.8) - diamond.ior(686.7)) == pytest.approx(0.044, abs=5e-4)
+    for name, index in (("diamond", 2.417), ("water", 1.333), ("sapphire", 1.768)):
+        assert float(CATALOGUE[name].ior(589.3)) == pytest.approx(index, abs=5e-4)
+
+
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name != "air"])
 def test_dispersion_is_normal_and_finite_from_300_to_2500_nm(name):
     glass = CATALOGUE[name]
@@ -135,22 +144,56 @@ def test_a_glass_is_written_as_it_was_read(value):
     [
         ("N-BK8", "unknown glass 'N-BK8'; did you mean 'N-BK7'?"),
         ("n-sf10", "did you mean 'N-SF10'?"),
+        ("qqq", "unknown glass 'qqq'; known glasses: N-FK51A, "),
         ("1.5 mm", "must be a plain number without a unit"),
         (0, "must be greater than 0, got 0"),
         (6, "must be at most 5, got 6"),
         (True, "must be a number"),
         (math.nan, "must be a number, got nan"),
+        ({}, "got a mapping of nothing"),
         ({"index": 1.5}, "abbe: is missing"),
+        ({"abbe": 50}, "index: is missing"),
         ({"index": 1.5, "abbe": 0}, "abbe: must be at least 5, got 0"),
         ({"index": 1.5, "v": 50}, "must be {index: 1.5168, abbe: 64.17} or"),
         ({"cauchy": 1.5}, "cauchy: must be a list of 1 to 8 numbers, got 1.5"),
+        ({"cauchy": []}, "cauchy: must be a list"),
+        ({"cauchy": [0.2, 0.1]}, "gives the index 0.9716 at 360 nm"),
         ({"cauchy": [1.5, "b"]}, "cauchy: 1: must be a number"),
         ({"cauchy": [1.5, 1]}, "gives the index 9.216 at 360 nm: from 360 to 830 nm it must be between 1 and 5"),
         ({"sellmeier": [1, 2]}, "sellmeier: must hold b and c"),
         ({"sellmeier": {"b": [1, 2], "c": [0.01]}}, "sellmeier: must hold as many b as c, got 2 and 1"),
         ({"sellmeier": {"b": [1], "c": [0.25]}}, "sellmeier: c: 0: puts a pole at 500 nm"),
+        ({"sellmeier": {"b": [1, 1], "c": [0.01, 4]}}, "sellmeier: c: 1: puts a pole at 2000 nm"),
         ({"sellmeier": {"b": [-3], "c": [0.01]}}, "gives the index nan at 360 nm"),
     ],
 )
 def test_what_is_no_glass(value, expected):
     assert expected in complaint(value)
+
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.text(max_size=6) | st.sampled_from(["N-BK7", "1.5", "F2"]),
+    lambda below: (
+        st.lists(below, max_size=4)
+        | st.dictionaries(st.sampled_from(["index", "abbe", "cauchy", "sellmeier", "b", "c"]), below, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+def outcome(value):
+    try:
+        return TypeAdapter(IndexField).validate_python(value)
+    except ValidationError as error:
+        return error_sentence(error.errors(include_url=False)[0])
+
+
+@given(anything)
+def test_anything_is_a_glass_that_can_be_seen_through_or_an_error(value):
+    found = outcome(value)
+    if isinstance(found, str):
+        assert "\n" not in found
+        return
+    ior = found.ior(SEEN)
+    assert ((ior > 0.0) & (ior <= MAX_INDEX)).all()
+    assert parse_glass(found.to_plain()).ior(LINE_D) == found.ior(LINE_D)

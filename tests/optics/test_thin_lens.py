@@ -8,10 +8,10 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from raytracer.optics import thin_lens as ph
-from raytracer.optics.sensor_formats import SENSORS, SensorField, SensorSize, fit_sensor
+from raytracer.optics.sensor_formats import SENSORS, SensorField, SensorSize, SensorSpec, fit_sensor
 from raytracer.schema.registry import CAMERAS
 
 # Plausible lenses and distances, in mm.
@@ -54,13 +54,25 @@ class _Holder(BaseModel):
     sensor: SensorField
 
 
-NAMES = {"Full Frame": "full_frame", "APS-C": "aps_c", "1 inch": "1-inch", 1: "1-inch", "1/2.3": "1/2.3-inch"}
+NAMES = {"full_frame": "full_frame", "Full Frame": "full_frame", "full-frame": "full_frame", "APS-C": "aps_c"}
+NAMES |= {"1 inch": "1-inch", 1: "1-inch", "1/2.3": "1/2.3-inch", "1/1.63-inch": "1/1.63-inch"}
 
 
 @pytest.mark.parametrize(("given", "name"), NAMES.items())
 def test_sensors_are_known_by_their_names(given, name):
     for value in (given, {"format": given}):
         assert _Holder.model_validate({"sensor": value}).sensor.size() == SensorSize(*SENSORS[name])
+
+
+def test_sensors_may_be_of_any_size():
+    assert SensorSpec(width=254.0, height=203.0).size() == SensorSize(254.0, 203.0)
+    assert _Holder.model_validate({"sensor": {"width": "1 m", "height": "20 cm"}}).sensor.size() == SensorSize(
+        1000.0, 200.0
+    )
+    assert SensorSpec(noise=True).size() is None
+    for keys in ({"width": 36}, {"height": 24}, {"format": "aps_c", "width": 2, "height": 3}, {"format": "dx"}):
+        with pytest.raises(ValidationError):
+            TypeAdapter(SensorSpec).validate_python(keys)
 
 
 @pytest.mark.parametrize(
@@ -72,6 +84,21 @@ def test_wide_pictures_on_a_sensor_of_four_thirds(fit, expected):
     # Upright, it is the other way round: what was cut above and below is cut at the sides.
     turned = {"horizontal": "vertical", "vertical": "horizontal"}.get(fit, fit)
     assert fit_sensor(SensorSize(12.0, 16.0), 1080, 1920, turned) == pytest.approx(expected[::-1])
+
+
+@given(st.floats(1.0, 99.0), st.floats(1.0, 99.0), st.integers(1, 999), st.integers(1, 999))
+def test_a_cropped_picture_lies_on_the_sensor_and_an_overscanned_one_around_it(across, down, width, height):
+    sensor = SensorSize(across, down)
+    inside, around = fit_sensor(sensor, width, height, "crop"), fit_sensor(sensor, width, height, "overscan")
+    for part in (inside, around):
+        assert part.width / part.height == pytest.approx(width / height)
+    rounding = 1.0 + 1e-14
+    assert inside.width <= across * rounding
+    assert inside.height <= down * rounding
+    assert around.width * rounding >= across
+    assert around.height * rounding >= down
+    # One of the edges is the sensor's own.
+    assert inside.width == pytest.approx(across) or inside.height == pytest.approx(down)
 
 
 @given(focal_lengths, distances)
@@ -108,6 +135,19 @@ def test_circles_of_confusion():
     assert pupil == pytest.approx(0.104720, abs=1e-6)
     assert ph.circle_of_confusion(pupil, 1.0 / pixel, 10.0, 5.0) == pytest.approx(20.044, abs=5e-4)
     assert ph.circle_of_confusion(pupil, 1.0 / pixel, 10.0, 20.0) == pytest.approx(10.022, abs=5e-4)
+
+
+@given(focal_lengths, f_numbers, distances, distances)
+def test_the_circle_of_confusion_by_similar_triangles(focal, n, focus, times):
+    """Camera truths: C / A = |z_s - z_i| / z_i, with z_i the image of the point and z_s that of the plane of focus."""
+    film, subject = ph.image_distance(focal, focus * focal), times * focal
+    image = ph.image_distance(focal, subject)
+    expected = focal / n * abs(film - image) / image
+    found = ph.circle_of_confusion(focal / n, film, focus * focal, subject)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-12 * focal)
+    # And in terms of the object.
+    away = focal / n * abs(subject - focus * focal) / subject * focal / (focus * focal - focal)
+    assert found == pytest.approx(away, rel=1e-9, abs=1e-12 * focal)
 
 
 def test_depth_of_field():
@@ -158,6 +198,12 @@ def test_exposure_values():
     assert exact == {10.0}
 
 
+def test_constants_of_the_standard():
+    # ISO 12232: H_sat = 78 / S leaves half a stop above white: 18 % of 78 / sqrt(2) is the 10 of S_SOS = 10 / H.
+    assert ph.SATURATION_EXPOSURE / math.sqrt(2.0) * 0.18 == pytest.approx(ph.MEAN_EXPOSURE, rel=0.01)
+    assert ph.WHITE_EFFICACY == 179.0
+
+
 def test_a_camera_in_full():
     """50 mm f/1.4 on full frame, focused at 2 m, 1/125 s, ISO 400; 1800 x 1195 pixels are of the sensor's shape."""
     spec = camera(sensor="full_frame", focal_length=50, f_number=1.4, focus_distance=2, shutter="1/125 s", iso=400)
@@ -194,6 +240,39 @@ def test_two_of_sensor_angle_and_focal_length_give_the_third(keys):
     assert optics.top == pytest.approx(7.9 / 35.0)
 
 
+def test_an_angle_is_that_of_the_picture_wherever_the_focus_is():
+    # The film is as far away as the angle and the sensor say; the focal length follows from that and the focus.
+    spec = camera(sensor="full_frame", hfov=40, focus_distance=0.5)
+    image = 18.0 / math.tan(math.radians(20.0))
+    numbers = spec.describe(1800, 1195)
+    assert numbers["hfov_deg"] == pytest.approx(40.0)
+    assert numbers["image_distance_mm"] == pytest.approx(image)
+    assert numbers["focal_length_mm"] == pytest.approx(1.0 / (1.0 / image + 1.0 / 500.0))
+
+
+def test_the_default_sensor_is_full_frame():
+    alone, named = camera(focal_length=28), camera(focal_length=28, sensor="full_frame")
+    assert alone.describe(300, 200) == named.describe(300, 200)
+    # Of which 28 mm is 28 mm times 43.267 / 43.211 as an equivalent.
+    assert alone.describe(360, 239)["equivalent_focal_length_mm"] == pytest.approx(28.036, abs=5e-4)
+
+
+@pytest.mark.parametrize("distance", [math.inf, 3.0, 0.5])
+def test_the_plane_of_focus_moves_with_autofocus(distance):
+    unfocused = camera(focal_length=50, f_number=2, focus_on="ball")
+    focused = unfocused.with_focus_distance(distance)
+    assert focused.plane_of_focus() == distance
+    assert focused.optics(36, 24) == camera(focal_length=50, f_number=2, focus_distance=distance).optics(36, 24)
+    assert unfocused.focus_on == "ball"
+
+
+def test_what_a_lens_cannot_focus_on():
+    with pytest.raises(ValueError, match="must be farther than the focal length, 50 mm"):
+        camera(focal_length=50, focus_on="ball").with_focus_distance(0.05)
+    with pytest.raises(ValueError, match="needs a finite focus_distance"):
+        camera(vfov=40, defocus_angle=1, focus_at=[0.5, 0.5]).with_focus_distance(math.inf)
+
+
 def test_what_the_film_is_told_of_the_exposure():
     keys = {"focal_length": 50, "focus_distance": 2, "shutter": "1/125 s"}
     assert camera(**keys, f_number=2).exposure_settings(36, 24) is None
@@ -207,3 +286,11 @@ def test_what_the_film_is_told_of_the_exposure():
     assert plain == ph.ExposureSettings(None, None, 0.0, ph.Metering("center_weighted", 0.5, 0.5, 0.1), None, False)
     bare = camera(type="none", shutter=2, iso=25).exposure_settings(36, 24)
     assert bare == ph.ExposureSettings(2.0, 25.0, 0.0, None, None, True)
+
+
+def test_the_f_number_of_a_hole():
+    # 6 mm before film at 150 mm.
+    numbers = camera(type="pinhole", focal_length=150, diameter=6).describe(36, 24)
+    assert numbers["f_number"] == pytest.approx(25.0)
+    assert camera(type="pinhole", focal_length=150, diameter=6).relative_aperture(36, 24) == pytest.approx(25.0)
+    assert camera(type="pinhole", focal_length=150).relative_aperture(36, 24) is None

@@ -2,15 +2,19 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
+import raytracer as rt
 from raytracer.optics.to_yaml import spec_to_plain, to_yaml
 from raytracer.scene.load import build, build_plain, load
 from raytracer.schema.yaml_parser import parse
+from raytracer.util.errors import InputError
 from tests.repository import SCENES, need_files_of
+from tests.scene.test_python_api import SCENE as BALL
 
 SCENE = """\
 camera:
@@ -51,6 +55,15 @@ def test_every_way_to_write_a_value_comes_back():
     assert said_by(build_plain(spec_to_plain(scene), scene.base)) == said_by(scene)
 
 
+def test_keys_that_were_not_set_are_left_out_and_keys_set_to_nothing_are_not():
+    told = spec_to_plain(build(SCENE, "scene.yaml"))
+    assert "render" not in told
+    assert told["materials"]["both"]["materials"][1] == {"type": "metal", "bump": None}
+    assert told["film"]["filter"] == {"type": "mitchell"}
+    assert told["camera"]["shutter"] == 1 / 125
+    assert told["objects"][1]["motion"]["keyframes"][0]["transform"] == []
+
+
 LARGE = ("bouncing", "next_week")
 
 
@@ -66,6 +79,28 @@ def test_scenes_of_the_repository_come_back(path):
     need_files_of(path.stem)
     scene = load(path)
     assert said_by(again(scene)) == said_by(scene)
+
+
+def test_what_was_changed_after_loading_is_what_is_written():
+    scene = build(SCENE, "scene.yaml", {"film.width": 12})
+    changed = scene.model_copy(update={"film": scene.film.model_copy(update={"height": 7})})
+    assert spec_to_plain(changed)["film"] == {**spec_to_plain(scene)["film"], "width": 12, "height": 7}
+
+
+def same_pictures(scene):
+    before, after = (rt.render(one, threads=1).radiance for one in (scene, again(scene)))
+    np.testing.assert_array_equal(after, before)
+
+
+def test_a_scene_that_came_back_has_the_same_picture():
+    same_pictures(build(BALL, "ball.yaml"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cornell", "instances", "studio"])
+def test_shipped_scenes_that_came_back_have_the_same_pictures(name):
+    need_files_of(name)
+    same_pictures(load(SCENES / f"{name}.yaml", {"film.width": 16, "film.height": 12, "render.spp": 2}))
 
 
 # Control characters are refused, for names are printed.
@@ -129,3 +164,29 @@ def test_a_saved_scene_is_loaded_as_it_was_wherever_it_is_saved(tmp_path):
     for saved in (load(home / "copy.yaml"), load(other / "copy.yml", allow_files=[home])):
         assert saved == scene
         assert saved.camera == scene.camera
+
+
+def test_a_folder_that_is_a_link_does_not_lead_names_astray(tmp_path):
+    (tmp_path / "real" / "deep").mkdir(parents=True)
+    (tmp_path / "real" / "deep" / "sky.png").touch()
+    (tmp_path / "link").symlink_to(tmp_path / "real" / "deep")
+    (tmp_path / "link" / "a.yaml").write_text(SCENE + "environment: {type: image, file: sky.png}\n")
+    (tmp_path / "there").symlink_to(tmp_path / "real")
+    load(tmp_path / "link" / "a.yaml").save(tmp_path / "there" / "b.yaml")
+    assert load(tmp_path / "there" / "b.yaml").environment is not None
+
+
+def test_a_scene_is_saved_as_yaml_or_not_at_all(tmp_path):
+    scene = build(SCENE, "scene.yaml")
+    with pytest.raises(InputError, match=r"picture\.png: a scene file ends in \.yaml or \.yml"):
+        scene.save(tmp_path / "picture.png")
+    (tmp_path / "folder.yaml").mkdir()
+    with pytest.raises(InputError, match=r"folder\.yaml"):
+        scene.save(tmp_path / "folder.yaml")
+    assert [path.name for path in tmp_path.rglob("*")] == ["folder.yaml"]
+
+
+def test_a_scene_says_what_it_is_in_a_line():
+    scene = build(SCENE, "scene.yaml")
+    assert repr(scene) == str(scene) == "<rt.Scene scene.yaml: thin_lens, 8 x 6 pixels, 2 objects>"
+    assert isinstance(scene, rt.Scene)

@@ -42,6 +42,12 @@ def test_exr_holds_what_is_not_finite_or_too_large(tmp_path):
     np.testing.assert_array_equal(load(tmp_path / "a.exr"), expected)
 
 
+def test_a_grey_exr_has_equal_channels(tmp_path):
+    grey = np.random.default_rng(8).random((3, 4)).astype(np.float16)
+    OpenEXR.File({}, {"Y": grey}).write(str(tmp_path / "a.exr"))
+    np.testing.assert_array_equal(load(tmp_path / "a.exr"), np.repeat(grey[..., None], 3, axis=2))
+
+
 def test_only_the_layers_that_are_wanted_are_read(image, tmp_path):
     save(image, tmp_path / "a.exr", {"depth": image.radiance[..., 0], "normal": -image.radiance})
     layers, settings = load_layers(tmp_path / "a.exr", {"variance", "depth"})
@@ -101,6 +107,7 @@ def test_rows_go_from_the_bottom_to_the_top_in_either_order_of_bytes():
 @pytest.mark.parametrize(
     ("data", "sentence"),
     [
+        (b"", "is no .pfm file"),
         (b"P6\n2 2\n255\n", "is no .pfm file"),
         (b"Pf\n2 2\n-1.0\n" + bytes(15), "is truncated"),
         # As many as are claimed are not made room for.
@@ -108,6 +115,7 @@ def test_rows_go_from_the_bottom_to_the_top_in_either_order_of_bytes():
         (b"Pf\n0 2\n-1.0\n", "without a size"),
         (b"Pf\n2 2\n0.0\n" + bytes(16), "without a size or a scale"),
         (b"Pf\n2 2\n1e999\n" + bytes(16), "without a size or a scale"),
+        (b"Pf\n2 2\n--1\n" + bytes(16), "could not convert"),
     ],
 )
 def test_what_is_no_map_is_a_value_error(data, sentence):

@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 
 from raytracer.film.formats import hdr
 
@@ -27,6 +30,12 @@ def test_what_cannot_be_held_is_made_the_nearest_that_can():
     assert pixel(1e-45, 0, 0) == [0, 0, 0, 0]
 
 
+def test_the_error_is_at_most_half_a_step_of_the_largest_component():
+    linear = np.exp(np.random.default_rng(3).uniform(-30, 30, (50, 60, 3)))
+    error = np.abs(hdr.from_rgbe(hdr.to_rgbe(linear)) - linear)
+    assert (error <= linear.max(axis=2, keepdims=True) / 128 / 2).all()
+
+
 def test_every_pixel_that_a_file_can_hold_is_encoded_as_it_was():
     rng = np.random.default_rng(4)
     pixels = rng.integers(0, 256, (40, 50, 4), dtype=np.uint8)
@@ -38,6 +47,17 @@ def test_every_pixel_that_a_file_can_hold_is_encoded_as_it_was():
 def roundtrip(linear):
     expected = hdr.from_rgbe(hdr.to_rgbe(linear))
     np.testing.assert_array_equal(hdr.decode(hdr.encode(linear, {})), expected)
+
+
+@given(
+    arrays.arrays(
+        np.float64,
+        st.tuples(st.integers(1, 4), st.integers(1, 300), st.just(3)),
+        elements=st.sampled_from([0.0, 1.0, 2.5]),
+    )
+)
+def test_run_length_packets_hold_any_scanlines(linear):
+    roundtrip(linear)
 
 
 @pytest.mark.parametrize("width", [1, 7, 8, 126, 127, 128, 129, 254, 255, 256, 257, 600, 32767, 32768])
@@ -67,6 +87,14 @@ def test_the_header_names_settings_and_no_line_of_theirs_ends_it():
 def test_exposure_lines_are_divided_out():
     data = hdr.encode(np.ones((1, 9, 3)), {}).replace(b"\nFORMAT", b"\nEXPOSURE=4\nEXPOSURE= 0.5\nFORMAT")
     np.testing.assert_array_equal(hdr.decode(data), 0.5)
+
+
+@pytest.mark.parametrize("keep", [0, 5, 40, 140, 170, -1])
+@pytest.mark.parametrize("width", [5, 40])
+def test_a_file_that_ends_early_is_refused(keep, width):
+    data = hdr.encode(np.random.default_rng(6).random((4, width, 3)), {})
+    with pytest.raises((ValueError, IndexError)):
+        hdr.decode(data[:keep])
 
 
 @pytest.mark.parametrize("packet", [[0, 1, 2], [137, 1], [129 + 9, 1]])

@@ -73,7 +73,7 @@ PROGRAM = """
     from raytracer.cli.lightfield.base import check_outputs
     from raytracer.cli.lightfield.depth import _encode_confidence
     from raytracer.film import animation, image_file
-    from raytracer.film.formats.registry import animation_suffixes, image_formats, map_suffixes
+    from raytracer.film.formats.registry import animation_suffixes, display_suffixes, image_formats, map_suffixes
     from raytracer.lightfield.decoding.raw_image import has_largest_value
     from raytracer.scene.assets import read_image
 
@@ -103,6 +103,7 @@ PROGRAM = """
     # So is docs/examples/ppm.py, which is for a display.
     assert main(["render", "scene.yaml", "-o", "b.ppm", "-o", "b.png"]) == 0
     assert (image_file.load("b.ppm") == image_file.load("b.png")).all()
+    assert display_suffixes() == (".png", ".jpg", ".jpeg", ".ppm")
 
     # Messages name them.
     assert main(["render", "scene.yaml", "-o", "a.xyz"]) == 2
@@ -122,6 +123,14 @@ def test_the_lists_of_suffixes():
     assert " ".join(registry.map_suffixes(with_image=False)) == ".png .npy .pfm"
     assert " ".join(registry.animation_suffixes()) == ".gif .webp .png"
     assert " ".join(registry.animation_suffixes(with_images=False)) == ".gif .webp"
+
+
+def test_what_is_declared_agrees():
+    for suffix, each in registry.image_formats().items():
+        assert suffix in each.suffixes
+        assert not (each.is_linear and each.decode_display), f"{suffix} is linear, and holds what a display shows"
+        assert each.is_linear or not each.decode or each.decode_display, f"{suffix} is for a display, and not read so"
+        assert not each.decode_layers or each.has_layers, f"{suffix} has no layers to decode"
 
 
 def test_every_list_takes_in_new_files(tmp_path):

@@ -108,6 +108,13 @@ def test_a_ray_a_pixel_is_kept_of_a_focused_picture():
     np.testing.assert_allclose(rays.place[:, 2:], rays.value[:, :2], atol=1e-15)
 
 
+def test_the_geometry_of_a_focused_camera_needs_no_pixels():
+    """`rt explain` asks it for many microlenses before a sensor of any size."""
+    layout = lenslets("hexagonal", inverse_focus=1.4, inverse_distance=-0.6)
+    assert layout.views.columns > 1
+    assert "_pixels" not in vars(layout)
+
+
 def test_layers_are_sliced_as_the_picture_is():
     layout = lenslets("whole pixels")
     values = np.arange(120.0 * 110.0).reshape(110, 120)
@@ -126,6 +133,12 @@ def test_pixels_at_the_rim_of_the_lens_are_as_bright_as_the_others():
     covered = field.radiance[..., 0, 0, 0] > 0.0
     assert covered.sum() == 88
     np.testing.assert_allclose(field.radiance[covered], 1.0, rtol=0.0, atol=1e-9)
+
+
+def test_a_picture_smaller_than_a_sub_image_holds_no_views():
+    layout = Lenslets(LATTICES["whole pixels"], 9, 9, (4.5, 4.5), 1e-3, 1e-3, 0.0, 0.0)
+    with pytest.raises(ValueError, match="holds no whole sub-image"):
+        _ = layout.views
 
 
 def test_a_disc_in_a_square_covers_a_quarter_of_pi():

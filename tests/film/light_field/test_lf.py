@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 import zlib
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -16,7 +17,7 @@ from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField, Rays
 from raytracer.film.light_field.lf.stored_array import RAYS_PER_TILE
 from raytracer.film.light_field.views import Plane, Pose, Views
-from raytracer.util.errors import InputError
+from raytracer.util.errors import InputError, OutputError
 
 POSE = Pose((1.0, 2.0, 3.0), (1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, 0.6, -0.8))
 
@@ -81,6 +82,16 @@ def test_more_rays_than_a_tile_holds_are_all_kept(tmp_path):
         assert all(np.array_equal(a, b) for a, b in zip(found.rays, rays, strict=True))
 
 
+def test_it_is_told_in_a_line(tmp_path):
+    field = light_field()
+    lf.write(tmp_path / "a.lf", field)
+    with lf.open(tmp_path / "a.lf") as opened:
+        for either in (field, opened):
+            views = field.views
+            assert f"{views.columns} x {views.rows} views of {views.width} x {views.height}" in repr(either)
+            assert len(repr(either)) < 100
+
+
 def test_what_is_not_known_stays_unknown(tmp_path):
     geometry = Views(np.zeros((1, 1, 2)), Plane(1.0, 0.0, 0.0), 2, 3)
     lf.write(tmp_path / "a.lf", LightField(np.ones((1, 1, 3, 2, 3)), geometry))
@@ -132,6 +143,27 @@ def test_what_does_not_fit_is_told_to_who_writes(tmp_path, call, sentence):
     assert os.listdir(tmp_path) == []
 
 
+def test_rt_lightfield_has_it(written):
+    import raytracer as rt
+
+    with rt.lightfield.open(written) as field:
+        assert field.views.rows == 2
+    with pytest.raises(AttributeError):
+        _ = rt.lightfield.nothing
+
+
+def test_names_are_not_hidden_by_modules():
+    # Once imported, a module is an attribute of its package, in the place of a function of that name.
+    import raytracer.lightfield
+
+    folder = Path(raytracer.lightfield.__file__).parent
+    modules = {path.stem for path in folder.iterdir()}
+    assert not modules & set(raytracer.lightfield.__all__)
+    assert set(raytracer.lightfield.__all__) == set(raytracer.lightfield._HOMES)
+    for name in raytracer.lightfield.__all__:
+        assert getattr(raytracer.lightfield, name) is not None
+
+
 KEYS = [
     (1, 2),
     (..., 0),
@@ -152,6 +184,38 @@ def test_parts_are_those_of_the_array(written, key):
     assert np.array_equal(field.radiance[key], np.asarray(field.radiance)[key])
 
 
+def test_indices_that_are_not_there_are_index_errors(written):
+    radiance = lf.open(written).radiance
+    for key in (2, (0, 3), (0, 0, 0, 0, 0, 0), None, "a", (0, 1.5)):
+        with pytest.raises(IndexError):
+            radiance[key]
+
+
+@pytest.mark.skipif(not Path("/proc/self/io").exists(), reason="counts by Linux's own")
+def test_a_crop_reads_its_own_tiles_only(tmp_path):
+    geometry = views(rows=3, columns=3, width=512, height=384)
+    rng = np.random.default_rng(0)
+    with lf.Writer(tmp_path / "a.lf", geometry) as writer:
+        for place in np.ndindex(3, 3):
+            writer.put_view(*place, rng.random((384, 512, 3)))
+    field = lf.open(tmp_path / "a.lf")
+
+    def read(act):
+        def count():
+            return int(Path("/proc/self/io").read_text().split()[1])
+
+        before = count()
+        act()
+        return count() - before
+
+    # Tiles of 128 x 128 pixels of three float32: what a window touches, and a little for their index.
+    tile = 128 * 128 * 3 * 4
+    assert read(lambda: field.radiance[1, 1, 130:200, 260:380]) < 1.1 * tile
+    assert read(lambda: field.radiance[:, :, 0:100, 0:100]) < 9 * 1.1 * tile
+    assert read(lambda: field.radiance[2, 2]) < 12 * 1.1 * tile
+    assert read(lambda: lf.open(tmp_path / "a.lf")) < 0.2 * tile
+
+
 def test_the_file_is_what_its_document_says(written):
     with h5py.File(written) as file:
         radiance = file["radiance"]
@@ -166,6 +230,24 @@ def test_the_file_is_what_its_document_says(written):
         assert file.attrs["focus_distance"] == 2.5
         assert file.attrs["aperture_unit"] == b"m"
         assert np.array_equal(file.attrs["pose"], np.array(POSE))
+
+
+def test_tiles_waste_little(tmp_path):
+    # 320 x 288 pixels in tiles of 128 x 128 would take 1.6 times as much as they hold.
+    geometry = views(rows=1, columns=2, width=320, height=288)
+    lf.write(tmp_path / "a.lf", LightField(np.zeros((1, 2, 288, 320, 3)), geometry))
+    assert (tmp_path / "a.lf").stat().st_size < 1.05 * 2 * 288 * 320 * 3 * 4
+
+
+def test_a_file_of_another_program_may_be_plain(tmp_path):
+    with h5py.File(tmp_path / "a.lf", "w") as file:
+        file["radiance"] = np.arange(72, dtype=">f8").reshape(1, 2, 3, 4, 3)
+        file["position"] = np.array([[[-1, 0], [1, 0]]], dtype=np.float32)
+        file.attrs["format"] = np.bytes_("rt light field")
+        file.attrs.update({"version": 1, "pixel": 0.5, "left": -1, "top": 0.75, "inverse_focus": 0})
+    found = lf.open(tmp_path / "a.lf")
+    assert found.radiance[0, 1, 2, 3].tolist() == [69.0, 70.0, 71.0]
+    assert found.views.focus_distance == np.inf
 
 
 def dataset(name, data=None, **options):
@@ -205,6 +287,16 @@ WRONG = {
     "a newer version": (attribute("version", 7), "is of version 7 of the format; this program reads version 1"),
     "no version": (without("version"), "has no attribute version"),
     "no radiance": (without("radiance"), "has no dataset radiance"),
+    "another format": (attribute("format", np.bytes_("netcdf")), "no light field"),
+    "no positions": (without("position"), "has no dataset position"),
+    "nan positions": (dataset("position", np.full((*SHAPE[:2], 2), np.nan)), "must be finite"),
+    "negative pixels": (attribute("pixel", -1.0), "have a size"),
+    "strings": (dataset("radiance", np.zeros(SHAPE, "S4")), "must be of floating-point numbers"),
+    "compounds": (dataset("radiance", np.zeros(SHAPE, [("a", "f4")])), "must be of floating-point numbers"),
+    "a layer that is a group": (
+        lambda file: (file.__delitem__("layers/depth"), file.create_group("layers/depth")),
+        "has no dataset layers/depth",
+    ),
     "no pixel": (without("pixel"), "has no attribute pixel"),
     "a text for a number": (attribute("pixel", np.bytes_("wide")), "its attribute pixel must be a number"),
     "an array for a number": (attribute("left", [1.0, 2.0]), "its attribute left must be a number"),
@@ -248,6 +340,17 @@ def test_a_wrong_file_is_told_in_a_sentence(written, name):
     assert "\n" not in str(told.value)
 
 
+def test_some_views_that_were_never_written(tmp_path):
+    with h5py.File(tmp_path / "a.lf", "w") as file:
+        made = file.create_dataset("radiance", (2, 2, 8, 8, 3), "f4", chunks=(1, 1, 8, 8, 3), compression="gzip")
+        made[0] = 1.0
+        file["position"] = np.zeros((2, 2, 2))
+        file.attrs["format"] = np.bytes_("rt light field")
+        file.attrs.update({"version": 1, "pixel": 0.5, "left": -1.0, "top": 0.75, "inverse_focus": 0.0})
+    with pytest.raises(InputError, match="radiance has 2 of 4 tiles"):
+        lf.open(tmp_path / "a.lf")
+
+
 def packed(path, tile, *, fletcher32=False, compression="gzip"):
     """A light field of one view, whose radiance is this one tile."""
     with h5py.File(path, "w") as file:
@@ -272,6 +375,62 @@ def test_a_tile_that_unpacks_to_another_size_is_told(tmp_path, size):
         assert not field.radiance[0, 0].any()
 
 
+def test_a_bomb_is_told_by_the_room_that_it_takes_or_by_what_it_unpacks_to(tmp_path):
+    bomb = zlib.compress(bytes(10_000_000), 9)
+    assert len(bomb) > 768 + 64 + 12
+    packed(tmp_path / "a.lf", bomb)
+    with pytest.raises(InputError, match=r"radiance has a tile of 97.. bytes, which is not what 768 bytes take"):
+        lf.open(tmp_path / "a.lf")
+
+
+def test_tiles_that_cannot_be_checked_are_refused(tmp_path):
+    packed(tmp_path / "a.lf", b"x", fletcher32=True)
+    with pytest.raises(InputError, match="a tile of 1 bytes, which is not what 768 bytes take"):
+        lf.open(tmp_path / "a.lf")
+    packed(tmp_path / "b.lf", bytes(500), compression="lzf")
+    with pytest.raises(InputError, match="plain or compressed by deflate"):
+        lf.open(tmp_path / "b.lf")
+
+
+def read_all(path):
+    with lf.open(path) as field:
+        for array in (field.radiance, *field.layers.values(), *(field.rays or ())):
+            np.asarray(array)
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_a_truncated_file_is_told(tmp_path, compress):
+    lf.write(tmp_path / "a.lf", light_field(), compress=compress)
+    whole = (tmp_path / "a.lf").read_bytes()
+    for length in np.linspace(0, len(whole) - 1, 20).astype(int):
+        (tmp_path / "cut.lf").write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"cut.lf: is (truncated: its end is missing|no \.lf file|damaged)"):
+            lf.open(tmp_path / "cut.lf")
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_flipped_bits_are_told_or_change_nothing(tmp_path, compress):
+    field = light_field()
+    lf.write(tmp_path / "a.lf", field, compress=compress)
+    whole = (tmp_path / "a.lf").read_bytes()
+    rng = np.random.default_rng(5)
+    told = []
+    for place in rng.integers(0, len(whole), 100):
+        data = bytearray(whole)
+        data[place] ^= 1 << rng.integers(0, 8)
+        (tmp_path / "b.lf").write_bytes(data)
+        try:
+            with lf.open(tmp_path / "b.lf") as found:
+                # NumPy's array_equal takes what cannot be read for unequal.
+                assert np.array_equal(np.asarray(found.radiance), field.radiance.astype(np.float32))
+                same_views(found.views, field.views)
+            read_all(tmp_path / "b.lf")
+        except InputError as error:
+            told.append(str(error))
+    assert len(told) > 30
+    assert not any("\n" in sentence for sentence in told)
+
+
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
@@ -290,6 +449,19 @@ def test_what_is_no_file_is_told(tmp_path, make, sentence):
         lf.open(tmp_path / "a.lf")
 
 
+def test_names_that_no_system_takes():
+    for name in ("a\0b.lf", "x" * 5000 + ".lf"):
+        with pytest.raises(InputError, match="cannot be read"):
+            lf.open(name)
+
+
+def test_a_closed_file_says_so(written):
+    with lf.open(written) as field:
+        pass
+    with pytest.raises(InputError, match="has been closed"):
+        field.view(0, 0)
+
+
 def test_an_error_on_the_way_leaves_what_was_there(tmp_path):
     (tmp_path / "a.lf").write_text("old")
     field = light_field()
@@ -301,7 +473,8 @@ def test_an_error_on_the_way_leaves_what_was_there(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of processes")
-def test_a_full_disk_is_told_and_nothing_is_left(tmp_path):
+@pytest.mark.parametrize("compress", [False, True])
+def test_a_full_disk_is_told_and_nothing_is_left(tmp_path, compress):
     # HDF5 ends a process at its exit that could not write a file, so that the process's end is of interest too.
     (tmp_path / "a.lf").write_text("old")
     script = f"""
@@ -316,7 +489,7 @@ def test_a_full_disk_is_told_and_nothing_is_left(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
         field = LightField(np.random.default_rng(0).random((2, 2, 200, 200, 3)), views)
         try:
-            lf.write({str(tmp_path / "a.lf")!r}, field)
+            lf.write({str(tmp_path / "a.lf")!r}, field, compress={compress})
         except OutputError as error:
             print(error)
     """
@@ -325,3 +498,9 @@ def test_a_full_disk_is_told_and_nothing_is_left(tmp_path):
     assert ended.stdout == f"{tmp_path / 'a.lf'}: cannot be written: File too large\n"
     assert (tmp_path / "a.lf").read_text() == "old"
     assert os.listdir(tmp_path) == ["a.lf"]
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="cannot be written"):
+        lf.write(tmp_path / "file" / "a.lf", light_field())

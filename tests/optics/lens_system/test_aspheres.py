@@ -1,11 +1,14 @@
 """Conics, even aspheres and cylinders: by the figures that focus without error, and by the definition of their sag."""
 
+import math
+
 import numpy as np
 import pytest
 
 from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.lens import Element, Lens
 from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.surfaces import slice_surfaces
 from tests.optics.lens_system.rays import crossing, parallel, unit
 
 GLASS = constant_index_glass(1.5)
@@ -101,3 +104,66 @@ def test_nothing_hangs_or_is_no_number(name):
         assert np.isfinite(points[weights > 0.0]).all()
         assert np.isfinite(onward[weights > 0.0]).all()
         assert not weights[:20].any()
+
+
+def test_spheres_among_other_shapes_are_spheres():
+    # Shapes have formulas of their own; an asphere without coefficients, and a conic of k = 0, are spheres too.
+    rng = np.random.default_rng(7)
+    starts = np.stack([*rng.uniform(-9.0, 9.0, (2, 2000)), np.full(2000, -30.0)], axis=1)
+    ways = unit(np.stack([*rng.uniform(-0.3, 0.3, (2, 2000)), np.ones(2000)], axis=1))
+    sphere = Element(0.04, 3.0, GLASS, 9.0)
+    hyperbola = Element(-0.02, 0.0, AIR, 9.0, "conic", conic=-0.4)
+    plain = trace_rays(alone(sphere), starts, ways)
+    mixed = Lens("mixed", (sphere, hyperbola)).packed()
+    assert mixed.shapes is not None
+    first = trace_rays(slice_surfaces(mixed, 0, 1), starts, ways)
+    for one, other in zip(plain, first, strict=True):
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=2e-14)
+    # A tiny coefficient takes the other way to the same surface.
+    tiny = trace_rays(alone(sphere._replace(kind="asphere", coefficients=(1e-30,))), starts, ways)
+    for one, other in zip(plain, tiny, strict=True):
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=2e-14)
+
+
+def test_a_cylinder_bends_light_across_its_axis_only():
+    heights = np.linspace(-9.0, 9.0, 19)
+    sphere = Lens("round", (Element(0.02, 5.0, GLASS, 9.5), Element(0.0, 0.0, AIR, 9.5))).packed()
+    _, expected, bent = trace_rays(sphere, *parallel(heights, 20.0, axis=1))
+    for axis, across in (("x", 1), ("y", 0)):
+        surface = Element(0.02, 5.0, GLASS, 9.5, "cylindrical", axis=axis)
+        packed = Lens("cylinder", (surface, Element(0.0, 0.0, AIR, 9.5))).packed()
+        # In the plane across the axis it is as a sphere; along the axis, as flat glass.
+        _, points, onward = trace_rays(packed, *parallel(heights, 20.0, axis=across))
+        np.testing.assert_allclose(points[:, across], expected[:, 1], rtol=0.0, atol=1e-14)
+        np.testing.assert_allclose(onward[:, across], bent[:, 1], rtol=0.0, atol=1e-15)
+        np.testing.assert_allclose(onward[:, 1 - across], 0.0, rtol=0.0, atol=0.0)
+        _, _, straight = trace_rays(packed, *parallel(heights, 20.0, axis=1 - across))
+        np.testing.assert_allclose(straight, np.tile((0.0, 0.0, 1.0), (19, 1)), rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"kind": "cylindrical"}, "needs an axis, x or y"),
+        ({"axis": "x"}, "if and only if it is cylindrical"),
+        ({"kind": "cylindrical", "axis": "x", "conic": -1.0}, "neither conic nor aspheric"),
+        ({"conic": math.nan}, "not finite"),
+        ({"curvature": math.inf}, "not finite"),
+        ({"kind": "asphere", "coefficients": (math.inf,)}, "not finite"),
+        ({"conic": 1.0, "radius": 40.0}, "an ellipsoid of radius 50 mm, which reaches no 40 mm far out"),
+        ({"radius": 51.0}, "a sphere of radius 50 mm, which reaches no 51 mm far out"),
+        ({"radius": 0.0}, "lets no light through"),
+        ({"thickness": -1.0}, "behind the next one"),
+    ],
+)
+def test_what_is_no_surface_is_named(changes, words):
+    with pytest.raises(ValueError, match=f"^surface 2 .*{words}"):
+        Lens("bad", (Element(0.0, 1.0, GLASS, 9.0), Element(0.02, 0.0, AIR, 9.0)._replace(**changes)))
+
+
+def test_two_stops_and_no_surfaces_are_named():
+    with pytest.raises(ValueError, match="a lens needs a surface"):
+        Lens("empty", ())
+    stop = Element(0.0, 1.0, AIR, 9.0, "stop", is_stop=True)
+    with pytest.raises(ValueError, match="surface 2 is a second stop"):
+        Lens("two", (stop, stop))

@@ -53,6 +53,10 @@ def test_head_on_at_its_wavelength_is_the_formula_of_the_quarter_wave(glass):
     assert reflected(MGF2, 1.0, 1.0, 1.5168)[0, 0] == pytest.approx(0.01285, abs=5e-5)
 
 
+def test_a_layer_of_the_mean_index_leaves_nothing():
+    assert reflected(Coating(550.0, math.sqrt(1.69)), 1.0, 1.0, 1.69)[0, 0] == pytest.approx(0.0, abs=1e-30)
+
+
 @pytest.mark.parametrize("wavelength", [360.0, 550.0, 587.56, 700.0, 830.0])
 @pytest.mark.parametrize(("near", "far"), [(1.0, 1.5168), (1.0, 1.9), (1.5168, 1.0), (1.9, 1.0)])
 def test_at_any_angle_and_wavelength_it_is_that_of_the_matrices(near, far, wavelength):
@@ -71,7 +75,37 @@ def test_without_a_coating_it_is_fresnel(near, far):
     np.testing.assert_array_equal(reflected(None, cosines, near, far), expected)
 
 
+@pytest.mark.parametrize("index", [1.0, 1.5168])
+def test_a_layer_of_the_index_of_either_side_is_none(index):
+    cosines = np.cos(ANGLES)
+    for near, far in ((1.0, 1.5168), (1.5168, 1.0)):
+        bare = reflected(None, cosines, near, far)
+        np.testing.assert_allclose(reflected(Coating(550.0, index), cosines, near, far), bare, rtol=1e-12, atol=1e-13)
+
+
 def test_beyond_the_critical_angle_everything_is_reflected():
     critical = math.asin(1.0 / 1.5168)
     found = reflected(MGF2, np.cos([critical + 1e-9, 0.5 * (critical + 1.5), 1.57]), 1.5168, 1.0)
     np.testing.assert_array_equal(found, [[1.0, 0.0]] * 3)
+
+
+def test_bare_lenses_have_no_coatings():
+    assert pack_coatings([None, None], [1.0, 1.5, 1.0]) is None
+    packed = pack_coatings([None, MGF2], [1.0, 1.5, 1.0])
+    assert packed is not None
+    np.testing.assert_array_equal(packed.wavelength, [0.0, 550.0])
+
+
+@pytest.mark.parametrize(
+    ("coating", "ior", "words"),
+    [
+        (Coating(0.0), [1.0, 1.5], "surface 1 has a coating for the wavelength 0 nm"),
+        (Coating(math.nan), [1.0, 1.5], "for the wavelength nan nm"),
+        (Coating(550.0, 0.5), [1.0, 1.5], "of the index 0.5"),
+        (MGF2, [1.0, 1.0], "no glass: the index is 1 on both sides"),
+        (MGF2, [1.6, 1.5], "between two glasses"),
+    ],
+)
+def test_what_cannot_be_coated_is_named(coating, ior, words):
+    with pytest.raises(ValueError, match=words):
+        pack_coatings([coating], ior)

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from raytracer.optics.glass import AIR, constant_index_glass
-from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil, exit_pupil
+from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil, exit_pupil, ray_transfer_matrix
 from raytracer.optics.lens_system.lens import Element, Lens
 from raytracer.optics.lens_system.lens_setup import f_number_of, stop_radius_for, widest_f_number
-from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.ray_tracing import trace_paths, trace_rays
+from raytracer.optics.lens_system.surfaces import slice_surfaces
 from tests.optics.lens_system.kernels import DOUBLE_GAUSS
+from tests.optics.lens_system.rays import unit
 
 F, APART = 100.0, 20.0
 STOP = Element(0.0, APART, AIR, 5.0, "stop", is_stop=True)
@@ -45,6 +47,48 @@ def test_a_stop_behind_is_the_exit_pupil_and_its_image_the_entrance_pupil():
 def test_a_stop_in_the_focal_plane_has_its_pupil_at_infinity():
     packed = Lens("telecentric", (*thin(128.0, 128.0), STOP)).packed()
     assert entrance_pupil(packed) == (math.inf, math.inf)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_rays_towards_a_pupils_middle_go_through_the_stops(side):
+    packed = lens_of(DOUBLE_GAUSS).packed()
+    pupil = entrance_pupil(packed) if side > 0.0 else exit_pupil(packed)
+    way = unit([0.0, 1e-4, side])[0]
+    for aim, expected in ((0.0, 0.0), (1e-3 * pupil.radius, 1e-3 * packed.radius[packed.stop])):
+        start = np.array([0.0, aim, pupil.z]) - 200.0 * way
+        weights, points, _ = trace_paths(packed, start, way, side > 0.0)
+        assert weights[0] == 1.0
+        # Off by the third order of the angle.
+        assert points[0, packed.stop, 1] == pytest.approx(expected, abs=1e-7)
+
+
+def test_parts_of_a_lens_are_the_lens():
+    packed = lens_of(DOUBLE_GAUSS).packed()
+    count = len(packed.vertex)
+    whole = ray_transfer_matrix(packed)
+    for cut in (0, 3, 5, count):
+        front, back = slice_surfaces(packed, 0, cut), slice_surfaces(packed, cut, count)
+        assert (front.stop, back.stop) == ((5, -1) if cut > 5 else (-1, 5 - cut))
+        way = packed.vertex[cut] - packed.vertex[cut - 1] if 0 < cut < count else 0.0
+        between = np.array([[1.0, way / packed.ior[cut]], [0.0, 1.0]])
+        np.testing.assert_allclose(
+            ray_transfer_matrix(back) @ between @ ray_transfer_matrix(front), whole, rtol=1e-12, atol=1e-14
+        )
+    start, way = np.array([0.5, 2.0, -5.0]), unit([0.02, -0.03, 1.0])[0]
+    _, (point,), (onward,) = trace_rays(packed, start, way)
+    _, (first,), (between,) = trace_rays(slice_surfaces(packed, 0, 4), start, way)
+    _, (second,), (behind,) = trace_rays(slice_surfaces(packed, 4, count), first, between)
+    np.testing.assert_array_equal((second, behind), (point, onward))
+
+
+def test_cylinders_have_power_across_their_axis_only():
+    c, n = 0.02, 1.5
+    for axis, other in (("x", "y"), ("y", "x")):
+        surface = Element(c, 1.0, constant_index_glass(n), 9.0, "cylindrical", axis=axis)
+        packed = Lens("cylinder", (surface, Element(0.0, 0.0, AIR, 9.0))).packed()
+        assert cardinal_points(packed, other).focal_length == pytest.approx(1.0 / ((n - 1.0) * c))
+        with pytest.raises(ValueError, match="no power"):
+            cardinal_points(packed, axis)
 
 
 def test_without_a_stop_the_rim_that_light_of_the_axis_fills_is_one():

@@ -10,6 +10,7 @@ from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil
 from raytracer.optics.lens_system.focusing import (
     FOCUS_CRITERIA,
+    _find_root,
     film_position,
     focus_lens,
     focus_range,
@@ -96,6 +97,14 @@ def test_a_group_that_moves_brings_planes_to_the_same_film(lens, how):
     assert (moved > 0.0).all() if lens is FRONT else (moved < 0.0).all()
 
 
+def test_newtons_equation_of_a_front_that_moves():
+    # A front of focal length f that images a plane at f + f^2 / e must go out by e, to leave its image where it was.
+    lens = FRONT.stopped_down(0.01)
+    extension = 8.0
+    shift, _ = focus_shift(lens, 100.0 + 100.0**2 / extension)
+    assert shift == pytest.approx(extension, rel=1e-6)
+
+
 def test_a_plane_nearer_than_a_lens_focuses_is_refused_with_the_nearest():
     for lens in (WHOLE, INNER, FRONT):
         for how in FOCUS_CRITERIA:
@@ -107,3 +116,39 @@ def test_a_plane_nearer_than_a_lens_focuses_is_refused_with_the_nearest():
     points = cardinal_points(WHOLE.packed())
     expected = 2.0 * points.focal_length - points.front_principal + entrance_pupil(WHOLE.packed()).z
     assert focus_range(WHOLE.stopped_down(0.01)).nearest == pytest.approx(expected, rel=1e-4)
+
+
+def test_what_has_no_focus_is_named():
+    with pytest.raises(ValueError, match="no image behind it"):
+        focus_shift(Lens("diverging", thin(-100.0)), math.inf)
+    with pytest.raises(ValueError, match="by marginal or rms, not by guess"):
+        focus_shift(WHOLE, math.inf, "guess")
+    with pytest.raises(ValueError, match="cannot move by 41 mm: surfaces would meet"):
+        INNER.packed(shift=41.0)
+    with pytest.raises(ValueError, match="cannot move by 41 mm: surfaces would meet"):
+        INNER.focused(41.0)
+    with pytest.raises(ValueError, match="all of it, the sensor or a group, not by hand"):
+        dataclasses.replace(INNER, focus=Focus("hand"))
+    with pytest.raises(ValueError, match="from surface 3 to 9, of 4"):
+        dataclasses.replace(INNER, focus=Focus("group", 3, 9))
+
+
+def test_a_root_is_looked_for_by_so_many_images_at_most():
+    asked = []
+
+    def jumping(place):
+        # A pole and no root between any two places, as of a lens whose image jumps.
+        asked.append(place)
+        return 1.0 / math.sin(math.pi * (place + 0.3))
+
+    with pytest.raises(ValueError, match="no steady focus: its image jumps past the film at 32 places, and 4 are"):
+        _find_root(jumping, np.arange(33.0))
+    assert len(asked) <= 33 + 4 * 102
+
+    # After one pole a root is found.
+    asked.clear()
+    assert _find_root(lambda x: jumping(x) if x < 1.0 else 1.5 - x, np.arange(3.0)) == pytest.approx(1.5)
+
+
+def test_places_without_light_between_two_with_some_are_no_root():
+    assert _find_root(lambda place: place - 0.5 if place in (0.0, 1.0) else math.nan, np.arange(2.0)) is None

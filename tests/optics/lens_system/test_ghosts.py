@@ -26,6 +26,7 @@ from raytracer.optics.lens_system.ray_tracing import (
     refractive_index,
     rim_transmission,
     trace,
+    trace_rays,
 )
 from raytracer.rendering.render import render
 from tests.optics.lens_system.kernels import DOUBLE_GAUSS, Surface, pack_surfaces
@@ -112,9 +113,15 @@ def followed(lens, start, direction, ways, wavelength=None):
 
 
 def aimed(flare, pair, x, y, numbers):
-    """Places (n,), (n,) of the last surface that a ghost's rays are aimed at by numbers (n, 3), and areas (n,)."""
-    disc = vectorised(sample_disc)(rows(numbers[:, 0]), rows(numbers[:, 1]))
-    return vectorised(aim_ghost_ray)(flare, pair, x, y, *map(rows, disc.T), rows(numbers[:, 2])).T
+    """Places (n,), (n,) of the last surface that a ghost's rays are aimed at, and areas (n,)."""
+    return vectorised(aim_ghost_ray)(flare, pair, x, y, *map(rows, numbers.T)).T
+
+
+def aims(count):
+    """Places of the unit disc and a number for each of so many rays (n, 3)."""
+    numbers = np.random.default_rng(9).random((count, 3))
+    numbers[:, :2] = vectorised(sample_disc)(*map(rows, numbers[:, :2].T))
+    return numbers
 
 
 def plates(*indices):
@@ -189,6 +196,20 @@ def test_on_the_axis_all_orders_are_those_of_a_pile_of_plates(coated):
     assert found[1:].sum() == pytest.approx(through[2], rel=1e-12)
 
 
+def test_the_direct_way_is_that_of_the_lens_without_reflections():
+    lens = double_gauss(dispersion=True)
+    start = (3.0, -5.0, 72.0)
+    for wavelength in (400.0, 550.0, 700.0):
+        for x in (-3.0, 0.0, 4.0):
+            direction = np.array([x, 2.0, lens.vertex[-1]]) - start
+            direction /= np.linalg.norm(direction)
+            weights, points, onward = trace_rays(lens, [start], [direction], False, wavelength)
+            passed, *way = followed(lens, start, direction, [(-1, -1)], wavelength)
+            assert weights[0] == 1.0
+            assert 0.5 < passed[0] < 0.75
+            np.testing.assert_array_equal(way, [points, onward])
+
+
 def paraxial(lens, first, last, height, slope, behind):
     """Slope dy/dz before the lens of a ray near the axis from behind it: refraction n' u' = n u - h c (n' - n), and
     reflection, for which n' is -n."""
@@ -234,6 +255,17 @@ def test_ways_are_drawn_as_often_as_is_said():
     ghosts = probability[firsts >= 0]
     assert ghosts.min() >= 0.2499 / len(pairs)
     assert ghosts.max() > 1.0 / len(pairs)
+    # Nor are the least and the greatest number.
+    _, *ends, _ = vectorised(sample_ghost_path)(flare, rows([0.0, np.nextafter(1.0, 0.0)]))
+    np.testing.assert_array_equal(np.transpose(ends), [(-1, -1), pairs[-1]])
+
+
+def test_what_does_not_reflect_has_no_ghosts():
+    for lens in (plates(1.0), plates(1.5)):
+        flare = build_ghost_paths(lens, 1.0, 10.0)
+        assert len(flare.first) == 0
+        _, *way = vectorised(sample_ghost_path)(flare, rows([0.999]))
+        assert [float(value[0]) for value in way] == [-1.0, -1.0, 1.0]
 
 
 @pytest.mark.parametrize(("coated", "wavelength", "x"), [(False, None, 0.0), (False, None, 15.0), (True, 450.0, 8.0)])
@@ -256,13 +288,43 @@ def test_light_that_takes_its_way_by_chance_brings_as_much(coated, wavelength, x
     assert error[2] < 0.1 * found.mean(axis=0)[2]
 
 
+def test_any_shares_of_the_ways_give_the_same_light():
+    lens = double_gauss()
+    start = (8.0, 0.0, float(lens.vertex[-1]) + 36.0)
+    numbers = np.random.default_rng(8).random((COUNT, 4))
+    drawn = build_ghost_paths(lens, 21.6, 36.0)
+    alike = drawn._replace(cumulative=np.append(0.2, 0.2 + 0.8 * np.arange(1, 46) / 45.0))
+    anywhere = drawn._replace(ellipses=np.zeros_like(drawn.ellipses))
+    means, errors = [], []
+    for flare in (drawn, alike, anywhere):
+        out = np.zeros((COUNT, 4))
+        _estimates(lens, flare, start, None, numbers, out)
+        means.append(out.mean(axis=0))
+        errors.append(out.std(axis=0) / math.sqrt(COUNT))
+    for other in (1, 2):
+        assert (np.abs(means[0] - means[other]) <= 4.0 * np.hypot(errors[0], errors[other])).all()
+        # Drawn by strength, and aimed at where they pass, ghosts are told better by as many rays.
+        assert errors[0][2] < errors[other][2]
+
+
+def test_ghosts_of_many_surfaces_are_aimed_anywhere():
+    # Twenty plates have 780 ghosts, of too many to look for where each passes.
+    pile = [Surface(0.0, 0.5, index, 12.0) for _ in range(20) for index in (1.5, 1.0)]
+    flare = build_ghost_paths(pack_surfaces(pile), 5.0, 10.0)
+    assert len(flare.first) == 780
+    assert flare.cumulative[-1] == 1.0
+    assert (np.diff(flare.cumulative) >= 0.2499 / 780.0).all()
+    _, _, area = aimed(flare, 77, 3.0, 4.0, aims(100))
+    np.testing.assert_allclose(area, math.pi * 12.0**2, rtol=1e-12)
+
+
 @pytest.mark.parametrize("place", [(0.0, 0.0), (9.0, -12.0), (-21.0, 0.0)])
 def test_ghosts_are_aimed_with_the_density_that_is_said(place):
     # Areas over the density are areas: of the surface, and of its half to one side.
     lens = double_gauss()
     flare = build_ghost_paths(lens, 21.6, 36.0)
-    numbers = np.random.default_rng(9).random((COUNT, 3))
-    for pair in range(0, len(flare.first), 15):
+    numbers = aims(COUNT)
+    for pair in range(0, len(flare.first), 7):
         right, up, area = aimed(flare, pair, *place, numbers)
         on = np.hypot(right, up) <= flare.reach
         for side in (on, on & (up > 0.25 * flare.reach)):
@@ -271,6 +333,25 @@ def test_ghosts_are_aimed_with_the_density_that_is_said(place):
             part = 1.0 if side is on else (math.acos(0.25) - 0.25 * math.sqrt(1.0 - 0.25**2)) / math.pi
             expected = part * math.pi * flare.reach**2
             assert areas.mean() == pytest.approx(expected, abs=4.5 * areas.std() / math.sqrt(COUNT))
+
+
+def test_through_a_small_stop_few_ghosts_are_aimed_in_vain():
+    # At f/8 a sixteenth of the opening is left.
+    lens = double_gauss()
+    radius = lens.radius.copy()
+    radius[lens.stop] /= 4.0
+    lens = lens._replace(radius=radius)
+    start = (8.0, 0.0, float(lens.vertex[-1]) + 36.0)
+    numbers = np.random.default_rng(8).random((COUNT, 4))
+    aimed = build_ghost_paths(lens, 21.6, 36.0)
+    means, errors = [], []
+    for flare in (aimed, aimed._replace(ellipses=np.zeros_like(aimed.ellipses))):
+        out = np.zeros((COUNT, 4))
+        _estimates(lens, flare, start, None, numbers, out)
+        means.append(out[:, 2].mean())
+        errors.append(out[:, 2].std() / math.sqrt(COUNT))
+    assert means[0] == pytest.approx(means[1], abs=4.0 * math.hypot(*errors))
+    assert errors[0] < 0.4 * errors[1]
 
 
 @pytest.mark.slow

@@ -3,8 +3,10 @@
 import os
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from raytracer.optics.glass import AIR, CATALOGUE
+from raytracer.optics.glass import AIR, CATALOGUE, constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.importers import Choices, as_yaml, import_lens, parse_glasses
 from raytracer.scene.assets.lenses import read_lens, read_prescription
@@ -78,6 +80,13 @@ def complaint(path):
     return told.removeprefix(str(path))
 
 
+def outcome(path):
+    try:
+        return import_lens(path)
+    except SceneError as error:
+        return str(error)
+
+
 def test_a_table_of_pbrt(tmp_path):
     spec = import_lens(written(tmp_path, "dgauss.dat", TABLE)).spec
     assert (spec.name, spec.source) == ("Double Gauss f/2", "US patent 2,673,491")
@@ -108,12 +117,15 @@ def test_a_radius_of_0_between_two_media_is_flat_glass(tmp_path):
     ("text", "expected"),
     [
         ("", ": holds no surfaces: a lens table has lines of radius, thickness"),
+        ("# only a comment\n", ": holds no surfaces"),
         ("1 2 3\n", ":1: must hold 4 numbers (radius, thickness, index of refraction, aperture), got 3"),
         ("50 1 1.5 x\n", ":1: the aperture must be a number, got 'x'"),
+        ("50 1 nan 5\n", ":1: the index of refraction must be a number, got 'nan'"),
         ("50 1 1.5 20\n\n-5 1 1 20\n", ":3: aperture: must be at most 10 mm"),
         ("50 -1 1.5 20\n-50 0 1 20\n", ":1: thickness: must be at least 0, got -1"),
         ("50 1 1 20\n0 1 1 5\n0 1 1 5\n-50 0 1 20\n", ":3: type: is a second stop"),
         ("50 1 9 20\n-50 0 1 20\n", ":1: material: must be at most 5, got 9"),
+        ("50 1 1.5 20\n", ":1: material: must be air"),
     ],
 )
 def test_what_is_no_table(tmp_path, text, expected):
@@ -192,11 +204,13 @@ def test_a_surface_in_air_that_does_nothing_is_left_out(tmp_path):
         ("  TYPE STANDARD\n  CURV -2.29", "  TYPE ZERNSAG\n  CURV -2.29", ":22: has a surface of the type 'ZERNSAG'"),
         ("GLAS F2", "GLAS MIRROR", ":30: has a mirror: only lenses, which light goes through, are read"),
         ("GLAS F2", "GLAS BAK6", "names the glass 'BAK6', which is not in the catalogue; the nearest name is 'N-BAK"),
+        ("GLAS F2", "GLAS QQQQQ", ":30: names the glass 'QQQQQ', which is not in the catalogue: give its index"),
         ("DIAM 5.0 1", "DIAM 0 1", ":26: has no diameter (DIAM)"),
         ("DISZ 6.0075511", "DISZ INFINITY", ":21: has no finite thickness (DISZ)"),
         ("DISZ 6.0075511", "DISZ -6", ":21: goes back by 6 mm to the next surface, which must be behind it"),
         ("DISZ 6.0075511", "DISZ", ":24: DISZ must have a number, got ''"),
         ("CURV -2.2948389E-003", "CURV curved", ":23: CURV must have a number, got 'curved'"),
+        ("CURV -2.2948389E-003", "CURV INFINITY", ":23: CURV must be finite"),
         ("CURV -2.2948389E-003", "CURV 1", ":21: aperture: must be at most 2 mm, as wide as its surface is, got 19"),
         ("  CURV 4.92", "  TYPE EVENASPH\n  PARM 1 0.01\n  CURV 4.92", "term in the square of the height (PARM 1)"),
         ("SURF 5\n", "SURF 5\n  STOP\n", ":38: stop: is a second stop; the first is surface 4"),
@@ -205,6 +219,18 @@ def test_a_surface_in_air_that_does_nothing_is_left_out(tmp_path):
 )  # fmt: skip
 def test_what_is_not_supported(tmp_path, old, new, expected):
     assert expected in complaint(changed(tmp_path, old, new))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", ": holds 0 surfaces: a lens needs one between the object and the image"),
+        ("SURF 0\nSURF 1\n", ": holds 2 surfaces"),
+        ("SURF 0\n  DISZ INFINITY\nSURF 1\n  DISZ 3\nSURF 2\n", ": holds no glass"),
+    ],
+)
+def test_what_is_no_prescription(tmp_path, text, expected):
+    assert expected in complaint(written(tmp_path, "lens.zmx", text))
 
 
 @pytest.mark.parametrize("definition", ["", "SK16", "=1.5", "SK16=", "SK16=1.6/", "SK16=a/b", "SK16=1.6/1", "SK16=NN"])
@@ -240,3 +266,20 @@ def test_what_is_imported_is_written_and_read_as_the_same_lens(tmp_path, name, t
     again = written(tmp_path, "again.yaml", as_yaml(spec))
     assert read_prescription(again) == spec == read_prescription(path)
     assert read_lens(again) == read_lens(path) == spec.lens()
+
+
+@pytest.mark.parametrize(("name", "text"), [("damaged.dat", TABLE), ("damaged.zmx", COOKE)])
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_damage_anywhere_is_a_sentence_at_worst(name, text, data, tmp_path_factory):
+    broken = text.encode()
+    for _ in range(data.draw(st.integers(1, 3))):
+        place, cut = data.draw(st.integers(0, len(broken))), data.draw(st.integers(0, 12))
+        broken = broken[:place] + data.draw(st.binary(max_size=4)) + broken[place + cut :]
+    path = tmp_path_factory.getbasetemp() / name
+    path.write_bytes(broken)
+    found = outcome(path)
+    if isinstance(found, str):
+        assert "\n" not in found
+    else:
+        assert constant_index_glass(1.0) == found.lens().elements[-1].glass

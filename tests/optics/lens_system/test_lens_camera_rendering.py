@@ -97,7 +97,16 @@ def test_exposure_of_thin_glass_is_that_of_the_thin_lens(tmp_path, f_number):
     assert light["lens", ".inf"] / light["lens", "0.5"] == pytest.approx(1.2346, rel=0.003)
 
 
-@pytest.mark.parametrize(("f_number", "focus"), [(2.0, ".inf"), (4.0, "3"), (16.0, ".inf")])
+@pytest.mark.parametrize("f_number", [2.0, 2.8, 4.0, 8.0, 22.0])
+def test_exposure_on_the_axis_is_that_of_the_f_number(f_number):
+    """E = pi L / (4 N^2) with focus at infinity: a lens corrected for coma obeys Abbe's sine condition."""
+    exposed = f"f_number: {f_number}, iso: 100, shutter: 1/100 s, focus_distance: .inf, dispersion: false"
+    camera = packed_camera(f"type: lens, lens: '{DOUBLE_GAUSS}', {exposed}", 36, 24)
+    weights = weighted_rays(camera, np.full(20000, 18.0), 12.0)[2]
+    assert weights.mean() == pytest.approx(math.pi / (4.0 * f_number**2), rel=0.01)
+
+
+@pytest.mark.parametrize(("f_number", "focus"), [(2.0, ".inf"), (2.0, "0.6"), (4.0, "3"), (16.0, ".inf")])
 def test_relative_illumination_is_that_of_brute_force(f_number, focus):
     exposed = f"f_number: {f_number}, iso: 100, shutter: 1/100 s, focus_distance: {focus}, dispersion: false"
     camera = packed_camera(f"type: lens, lens: '{DOUBLE_GAUSS}', {exposed}", 3600, 2400)
@@ -114,3 +123,35 @@ def test_relative_illumination_is_that_of_brute_force(f_number, focus):
     # A good lens vignettes at f/2, and hardly at f/16 beyond cos^4.
     relative = expected / expected[0]
     assert relative[-1] < (0.4 if f_number == 2.0 else 0.8)
+
+
+def test_the_radial_profile_of_a_uniform_sky_has_no_rings():
+    """Second differences of the mean brightness of rings of the picture are those of its noise and of a smooth curve.
+
+    A program whose bounds of the pupil change from bin to bin of the radius without the weight of their area, or cut
+    the pupil, has steps there; pbrt-v3 issue 162.
+    """
+    camera = f"type: lens, lens: '{DOUBLE_GAUSS}', f_number: 2, focus_distance: .inf, dispersion: false"
+    picture = taken(camera, SKY, width=270, height=180, spp=64, sampler="independent").image
+    assert picture.variance is not None
+    values, variance = picture.radiance[..., 1], picture.variance[..., 1]
+    rows, columns = np.mgrid[0:180, 0:270] + 0.5
+    radius = np.hypot(columns - 135.0, rows - 90.0) / 135.0 * 18.0
+    bins = np.linspace(0.0, 21.0, 85)
+    ring = np.digitize(radius, bins) - 1
+    inside = ring < len(bins) - 1
+    count = np.bincount(ring[inside], minlength=len(bins) - 1)
+    # Each ring against a smooth curve, taken at its own pixels: a polynomial in r^2 of a low degree.
+    squares = (radius / 21.0) ** 2
+    curve = np.polynomial.Polynomial.fit(squares[inside], values[inside], 12, w=1.0 / np.sqrt(variance[inside] + 1e-12))
+    rest = values - curve(squares)
+    mean = np.bincount(ring[inside], rest[inside]) / count
+    noise = np.sqrt(np.bincount(ring[inside], variance[inside])) / count
+    second = mean[2:] - 2.0 * mean[1:-1] + mean[:-2]
+    spread = np.sqrt(noise[2:] ** 2 + 4.0 * noise[1:-1] ** 2 + noise[:-2] ** 2)
+    z = second / spread
+    assert np.abs(z).max() < 5.0
+    assert (z**2).mean() < 1.0 + 6.0 * math.sqrt(3.0 * 2.0 / len(z))
+    # It tells: a step of one per cent at the edge of a bin of 64 would be seen.
+    assert spread[len(spread) // 2] < 0.005 * values.max()
+    assert values[80:100, 125:145].mean() == pytest.approx(1.0, abs=0.01)

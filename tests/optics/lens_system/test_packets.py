@@ -20,7 +20,7 @@ SHIPPED = sorted((SCENES / "lenses").glob("*.yaml"))
 
 
 @entry
-def _trace(lens, rays, packet):
+def trace_in_packets(lens, rays, packet):
     for first in range(0, rays.shape[1], WIDTH):
         for row in range(WEIGHT + 1):
             for lane in range(WIDTH):
@@ -37,7 +37,7 @@ def assert_alike(lens, starts, ways, *, lit):
     rays = np.zeros((WEIGHT + 1, len(starts)))
     rays[ORIGIN : ORIGIN + 3], rays[DIRECTION : DIRECTION + 3] = starts.T, ways.T
     rays[WAVELENGTH], rays[WEIGHT] = wavelengths, 1.0
-    _trace(lens, rays, np.zeros((ROWS, WIDTH)))
+    trace_in_packets(lens, rays, np.zeros((ROWS, WIDTH)))
     weights, points, onward = trace_rays(lens, starts, ways, False, wavelengths)
     np.testing.assert_array_equal(rays[WEIGHT], weights)
     passed = weights > 0.0
@@ -93,6 +93,6 @@ def test_what_is_lost_stays_lost_and_is_no_danger_to_the_others():
     rays[ORIGIN] = [0.0, 1.0, np.nan, np.inf, 50.0, 2.0, 1e300, 0.0]
     rays[WEIGHT, 7] = 0.0
     rays[DIRECTION, 5], rays[DIRECTION + 2, 5] = 1.0, 0.0
-    _trace(lens, rays, np.zeros((ROWS, WIDTH)))
+    trace_in_packets(lens, rays, np.zeros((ROWS, WIDTH)))
     assert rays[WEIGHT].tolist() == [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     assert np.isfinite(rays[:, :2]).all()

@@ -4,7 +4,10 @@ import json
 import math
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from raytracer.cli.base.app import main
 from raytracer.optics.glass import AIR, CATALOGUE, constant_index_glass
 from raytracer.optics.lens_system.importers import as_yaml
 from raytracer.optics.lens_system.lens import Element, Focus, Lens
@@ -77,6 +80,13 @@ def test_a_coating_of_the_lens_is_on_all_surfaces_between_glass_and_air(tmp_path
     assert coatings == [600.0, 550.0, None, 600.0, None, 480.0]
 
 
+def test_a_surface_can_be_bare_in_a_coated_lens(tmp_path):
+    text = LENS.replace("name: test", "name: test\ncoating: {type: mgf2, wavelength: 600}")
+    lens = read_lens(written(tmp_path, text.replace("coating: mgf2", "coating: none")))
+    coatings = [element.coating and element.coating.wavelength for element in lens.elements]
+    assert coatings == [600.0, None, None, 600.0, None, 480.0]
+
+
 def test_the_rim_of_glass_may_be_the_stop(tmp_path):
     text = LENS.replace("  - {type: stop, thickness: 2, aperture: 10}\n", "").replace(
         "radius: -70", "radius: -70\n    stop: true"
@@ -96,20 +106,34 @@ surfaces:
     assert lens.elements[1].glass is CATALOGUE["N-BK7"]
 
 
+def test_the_whole_lens_moves_by_default(tmp_path):
+    text = LENS.replace("focus: {moves: group, first: 2, last: 3}\n", "")
+    assert read_lens(written(tmp_path, text)).focus.moves == "all"
+    assert (
+        read_lens(written(tmp_path, LENS.replace("{moves: group, first: 2, last: 3}", "sensor"))).focus.moves
+        == "sensor"
+    )
+
+
 MISTAKES = [
     ("radius: 40", "radius: 0", ":6: surfaces[0].radius: must be neither zero nor infinite, got 0: flat glass is"),
+    ("radius: 40", "radius: inf", ":6: surfaces[0].radius: must be neither zero nor infinite"),
     ("radius: 40, ", "", ":6: surfaces[0].radius: is missing"),
     ("radius: 40", "raduis: 40", ":6: surfaces[0].raduis: unknown key 'raduis' of conic; did you mean 'radius'?"),
     ("conic: -1.5, ", "", ":6: surfaces[0].conic: is missing"),
     ("conic: 2, coefficients: [1e-5, -2e-8]", "conic: 2", ":7: surfaces[1].coefficients: is missing"),
     ("[1e-5, -2e-8]", "[]", ":7: surfaces[1].coefficients: must hold at least 1 values"),
+    ("[1e-5, -2e-8]", "[a]", ":7: surfaces[1].coefficients[0]: must be a number"),
     ("thickness: 4", "thickness: -4", ":6: surfaces[0].thickness: must be at least 0, got -4"),
     ("thickness: 4, ", "", ":6: surfaces[0].thickness: is missing: only the last surface needs none"),
     ("N-BK7", "N-BK6", ":6: surfaces[0].material: unknown glass 'N-BK6'; did you mean 'N-BK7'?"),
     ("abbe: 36.4", "abbe: -3", ":9: surfaces[3].material.abbe: must be at least 5, got -3"),
     ("material: 1.5", "material: 0", ":10: surfaces[4].material: must be greater than 0, got 0"),
+    ("aperture: 20", "aperture: 0", ":6: surfaces[0].aperture: must be greater than 0"),
     ("radius: -70", "radius: -7", ":13: surfaces[5].aperture: must be at most 14 mm, as wide as its surface"),
+    ("axis: y", "axis: z", ":9: surfaces[3].axis: must be one of x, y, got 'z'"),
     ("axis: y, ", "", ":9: surfaces[3].axis: is missing"),
+    ("type: flat", "type: flaat", ":10: surfaces[4].type: unknown type of surface 'flaat'; did you mean 'flat'?"),
     ("type: flat, ", "", ":10: surfaces[4]: needs a type, one of spherical, flat, stop, conic, asphere, cylindrical"),
     ("{type: stop, thickness: 2, aperture: 10}", "7", ":8: surfaces[2]: must be a mapping with a type"),
     ("type: flat, thickness: 2, material: 1.5", "type: stop, thickness: 2", ":10: surfaces[4].type: is a second stop"),
@@ -124,6 +148,8 @@ MISTAKES = [
     ("moves: group, ", "moves: all, ", ":4: focus.first: goes with moves: group"),
     ("moves: group, first: 2, last: 3", "moves: grop", ":4: focus.moves: must be one of all, sensor, group"),
     ("name: test\n", "", ":1: name: is missing"),
+    ("focal_length: 5 cm", "focal_length: 0", ":3: focal_length: must not be zero"),
+    ("source: nobody", "sauce: nobody", ":2: sauce: unknown key 'sauce' of lens; did you mean 'source'?"),
 ]  # fmt: skip
 
 
@@ -133,6 +159,55 @@ MISTAKES = [
 def test_a_mistake_is_told_with_line_and_key(tmp_path, old, new, expected):
     assert old in LENS
     assert expected in complaint(tmp_path, LENS.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", ": is empty; a lens needs at least name and surfaces"),
+        ("[1, 2]", ":1: must be a mapping (name, "),
+        ("name: a\nsurfaces: []\n", ":2: surfaces: must hold at least 1 values, got 0"),
+        (
+            "name: a\nsurfaces:\n  - {type: spherical, radius: 30 s, aperture: 2}\n",
+            ":3: surfaces[0].radius: must be a length",
+        ),
+        ("name: a\nsurfaces: 3\n", ":2: surfaces: must be a list, got 3"),
+        ("name: a\nname: b\n", ":2: the key 'name' is given twice"),
+        ("name: [\n", "not valid YAML"),
+        ("\0", ": is a binary file, not a lens in YAML"),
+    ],
+)
+def test_what_is_no_lens_file(tmp_path, text, expected):
+    assert expected in complaint(tmp_path, text)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(SceneError, match="no such file"):
+        read_lens(tmp_path / "none.yaml")
+    with pytest.raises(SceneError, match="is a folder, not a lens file"):
+        read_lens(tmp_path)
+
+
+def outcome(path):
+    try:
+        return read_lens(path)
+    except SceneError as error:
+        return str(error)
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_a_damaged_file_is_a_lens_or_a_sentence(data, tmp_path_factory):
+    text = LENS
+    for _ in range(data.draw(st.integers(1, 3))):
+        place, cut = data.draw(st.integers(0, len(text))), data.draw(st.integers(0, 6))
+        added = data.draw(st.text("0123456789-.:,{}[]e \nabx'\"#&*", max_size=3))
+        text = text[:place] + added + text[place + cut :]
+    found = outcome(written(tmp_path_factory.getbasetemp(), text))
+    if isinstance(found, str):
+        assert "\n" not in found
+    else:
+        assert all(0.0 < element.radius < math.inf for element in found.elements)
 
 
 @pytest.mark.parametrize("path", sorted((SCENES / "lenses").glob("*.yaml")), ids=lambda path: path.stem)
@@ -149,6 +224,11 @@ def validator():
     jsonschema.Draft202012Validator.check_schema(lens_schema())
     assert json.loads(json.dumps(lens_schema(), allow_nan=False)) == lens_schema()
     return jsonschema.Draft202012Validator(lens_schema())
+
+
+def test_the_command_prints_the_schema(capsys):
+    assert main(["schema", "--lens"]) == 0
+    assert json.loads(capsys.readouterr().out) == lens_schema()
 
 
 @pytest.mark.parametrize("path", sorted((SCENES / "lenses").glob("*.yaml")), ids=lambda path: path.stem)

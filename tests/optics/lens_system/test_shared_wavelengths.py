@@ -18,8 +18,10 @@ from raytracer.kernel.hero_wavelength import (
 )
 from raytracer.kernel.lens_dispersion import LENS_ROWS, WAVELENGTHS_PER_RAY, apply_lens_color, share_lens_rays
 from raytracer.optics.glass import LINE_D
-from raytracer.optics.lens_system.packets import EXTENT, ORIGIN, WAVELENGTH, WEIGHT
+from raytracer.optics.lens_system.packets import DIRECTION, EXTENT, ORIGIN, ROWS, WAVELENGTH, WEIGHT
 from raytracer.optics.lens_system.pupils.search import on_axis_solid_angle
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.surfaces import reverse_lens
 from raytracer.plugins.cameras.base.interface import (
     FILTER,
     WavelengthSharing,
@@ -33,7 +35,9 @@ from raytracer.plugins.materials.base.interface import Draws
 from raytracer.scene.assets.lenses import read_lens
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack, pack_spectrum
+from tests.moving import pictured
 from tests.optics.lens_system.rays import Array
+from tests.optics.lens_system.test_packets import to_the_pupil, trace_in_packets
 from tests.repository import SCENES
 
 LENSES = SCENES / "lenses"
@@ -148,7 +152,7 @@ def _back(camera, sharing, sampler, rows, others, x, y, by, found):
     share_wavelengths(camera, sharing, rows, others, x, y)
 
 
-@pytest.mark.parametrize("name", ["double-gauss-50mm", "anamorphic-75mm"])
+@pytest.mark.parametrize("name", ["double-gauss-50mm", "flint-100mm", "anamorphic-75mm"])
 def test_a_ray_of_the_same_wavelength_comes_back_to_where_it_began(name):
     camera = camera_of(name, 240).pack(240, 160)
     spectrum = pack_spectrum(None, camera, 1.0, None)
@@ -160,6 +164,31 @@ def test_a_ray_of_the_same_wavelength_comes_back_to_where_it_began(name):
     np.testing.assert_allclose(others[WEIGHT, lit], 1.0, rtol=1e-12)
     np.testing.assert_allclose(others[EXTENT, lit], rows[EXTENT, lit], rtol=1e-10)
     np.testing.assert_allclose(others[ORIGIN : ORIGIN + 2, lit], began[:, lit], rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("path", sorted(LENSES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_through_a_turned_lens_rays_go_as_to_the_film(path):
+    lens = read_lens(path)
+    packed = lens.packed(dispersion=True)
+    starts, ways = to_the_pupil(lens, packed, 1024)
+    wavelengths = np.linspace(400.0, 700.0, len(starts))
+    weights, points, onward = trace_rays(packed, starts, ways, False, wavelengths)
+    lit = weights > 0.0
+    count = lit.sum() // WIDTH * WIDTH
+    points, onward, wavelengths = points[lit][:count], onward[lit][:count], np.roll(wavelengths[lit], 5)[:count]
+    rays = np.zeros((WEIGHT + 1, count))
+    mirror = np.array([1.0, 1.0, -1.0])
+    rays[ORIGIN : ORIGIN + 3], rays[DIRECTION : DIRECTION + 3] = (points * mirror).T, (-onward * mirror).T
+    rays[WAVELENGTH], rays[WEIGHT] = wavelengths, 1.0
+    trace_in_packets(reverse_lens(packed), rays, np.zeros((ROWS, WIDTH)))
+    weights, points, onward = trace_rays(packed, points, -onward, True, wavelengths)
+    np.testing.assert_array_equal(rays[WEIGHT], weights)
+    passed = weights > 0.0
+    assert passed.mean() > 0.9
+    size = np.abs(starts).max()
+    back = rays[ORIGIN : ORIGIN + 3, passed].T * mirror
+    np.testing.assert_allclose(back, points[passed], rtol=0.0, atol=1e-13 * size)
+    np.testing.assert_allclose(rays[DIRECTION : DIRECTION + 3, passed].T * mirror, onward[passed], rtol=0.0, atol=1e-12)
 
 
 SCENE = """
@@ -186,3 +215,23 @@ def test_rays_are_shared_only_where_all_that_differs_is_the_place_in_a_pixel():
     assert spectrum_of(camera=moving + "{duration: 1/10 s, readout: 1/10 s}").camera == MonochromaticCamera()
     assert spectrum_of(camera=", dispersion: false") is None
     assert isinstance(spectrum_of(material="{type: dielectric, ior: N-SF11}"), DispersiveMaterials)
+
+
+@pytest.mark.slow
+def test_pictures_by_shared_rays_are_those_by_rays_of_one_wavelength():
+    text = (
+        SCENE.replace("FILTER", "box")
+        .replace("CAMERA", "")
+        .replace("MATERIAL", "{type: lambertian, albedo: [0.8, 0.2, 0.05]}")
+    )
+    packed = pack(build(text, "test.yaml", base=SCENES))
+    alone = packed._replace(
+        scene=packed.scene._replace(spectrum=packed.scene.spectrum._replace(camera=MonochromaticCamera()))
+    )
+    first, second = pictured(packed, spp=4096, seed=1), pictured(alone, spp=4096, seed=2)
+    off = (first.radiance - second.radiance) / np.sqrt(first.variance + second.variance)
+    assert np.abs(off).max() < 5.0
+    np.testing.assert_array_less(np.abs(off.mean(axis=(0, 1))), 4.0 / np.sqrt(off[..., 0].size))
+    np.testing.assert_allclose(off.std(axis=(0, 1)), 1.0, atol=0.15)
+    assert (first.variance.sum(axis=(0, 1)) < 0.5 * second.variance.sum(axis=(0, 1))).all()
+    np.testing.assert_array_equal(pictured(packed, spp=64, seed=3).radiance, pictured(packed, spp=64, seed=3).radiance)

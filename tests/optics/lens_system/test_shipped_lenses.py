@@ -33,6 +33,16 @@ def rays_from_film(lens, film, place, count):
 
 
 @every_lens
+def test_the_numbers_of_the_file_are_those_which_light_finds(path):
+    lens = read_lens(path)
+    assert lens.source
+    assert widest_f_number(lens) == pytest.approx(lens.f_number, rel=0.015)
+    # What is anamorphic has its published length in the direction that it does not squeeze.
+    lengths = [cardinal_points(lens.packed(), axis).focal_length for axis in "xy"]
+    assert pytest.approx(lens.focal_length, rel=0.005) in lengths
+
+
+@every_lens
 def test_light_reaches_the_whole_picture(path):
     lens = read_lens(path)
     film, edge = film_position(lens), 0.5 * lens.image_circle
@@ -94,8 +104,21 @@ def test_the_double_gauss_is_that_of_the_patent():
     assert found.rear_focus - packed.vertex[-1] == pytest.approx(50.0 * 0.71436, abs=5e-3)
 
 
+def test_the_achromat_has_the_back_focus_of_its_data_sheet():
+    # 97.1 mm, where light of the pupil's half comes together.
+    lens = read_lens(SHIPPED["achromat-100mm"])
+    assert film_position(lens) - lens.packed().vertex[-1] == pytest.approx(97.1, abs=0.05)
+
+
 ROW = re.compile(r"^\| \[([\w.-]+)\]\(\S+\) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|", re.MULTILINE)
 TABLE = ROW.findall((ROOT / "docs" / "lenses.md").read_text(encoding="utf-8"))
+
+
+KINDS = ("double-gauss", "wide", "telephoto", "fisheye", "triplet", "achromat", "plano-convex", "phone", "anamorphic")
+
+
+def test_the_documentation_has_lenses_of_all_kinds():
+    assert [kind for kind in KINDS if not any(kind in name for name, *_ in TABLE)] == []
 
 
 @pytest.mark.parametrize("row", TABLE, ids=lambda row: row[0])

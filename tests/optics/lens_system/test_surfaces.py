@@ -7,6 +7,7 @@ import pytest
 
 from raytracer.optics.lens_system.first_order import cardinal_points, ray_transfer_matrix
 from raytracer.optics.lens_system.focusing import image_distance
+from raytracer.optics.lens_system.ray_tracing import refract
 from tests.optics.lens_system.kernels import DOUBLE_GAUSS, DOUBLET, Surface, lens_of, met, pack_surfaces, traced
 from tests.optics.lens_system.rays import crossing, unit
 
@@ -73,6 +74,53 @@ def test_rays_near_the_axis_follow_the_matrix(rows, towards_film):
         np.testing.assert_allclose((at_vertex, out), matrix @ (height, slope), rtol=0.0, atol=1e-15)
 
 
+def test_one_surface_refracts_by_snell_and_is_met_on_its_sphere():
+    rng = np.random.default_rng(1)
+    for curvature in (-0.1, -1e-9, 0.0, 1e-3, 0.1):
+        origins = np.stack([rng.uniform(-2, 2, 500), rng.uniform(-2, 2, 500), np.full(500, -20.0)], axis=1)
+        ways = unit(np.stack([rng.uniform(-0.2, 0.2, 500), rng.uniform(-0.2, 0.2, 500), np.ones(500)], axis=1))
+        lens = pack_surfaces([Surface(curvature, 0.0, 1.7, 9.0)])
+        weights, points, onward = traced(lens, origins, ways)
+        assert weights.all()
+        # On the sphere c r^2 = 2 z, and on the ray.
+        np.testing.assert_allclose(curvature * (points**2).sum(axis=1), 2.0 * points[:, 2], rtol=0.0, atol=2e-14)
+        along = ((points - origins) * ways).sum(axis=1)
+        np.testing.assert_allclose(points, origins + along[:, None] * ways, rtol=0.0, atol=2e-14)
+        # n x d is kept: Snell's law with its plane.
+        normals = np.array([0.0, 0.0, 1.0]) - curvature * points
+        np.testing.assert_allclose(np.cross(normals, ways), 1.7 * np.cross(normals, onward), rtol=0.0, atol=4e-15)
+        np.testing.assert_allclose(np.linalg.norm(onward, axis=1), 1.0, rtol=0.0, atol=4e-15)
+
+
+def test_snells_law_in_longer_numbers():
+    """t = mu d + (c_t - mu c_i) N with c_t^2 = 1 - mu^2 (1 - c_i^2), in numbers of 64 bits of mantissa or more.
+
+    Roundings of c_t^2 are as much larger in c_t as that is smaller.
+    """
+    rng = np.random.default_rng(3)
+    if np.finfo(np.longdouble).eps == np.finfo(np.float64).eps:
+        pytest.skip("this machine has no longer numbers")
+    reflected = 0
+    for mu in (0.3, 1.0 / 1.5, 1.0, 1.2, 1.9):
+        for direction, normal in zip(unit(rng.normal(size=(400, 3))), unit(rng.normal(size=(400, 3))), strict=True):
+            cosine = float(direction @ normal)
+            if cosine == 0.0:
+                continue
+            found, onward = refract(tuple(direction), tuple(normal), cosine, mu)
+            d, n, m = np.asarray(direction, np.longdouble), np.asarray(normal, np.longdouble), np.longdouble(mu)
+            # Of directions that are units to rounding the truth is that of their own product.
+            square = 1 - m * m * (1 - np.longdouble(cosine) ** 2)
+            if square <= 0:
+                assert found == 0.0
+                reflected += 1
+                continue
+            expected = m * d + (np.copysign(np.sqrt(square), cosine) - m * np.longdouble(cosine)) * n
+            slack = 1e-15 * (1.0 + 1.0 / abs(found))
+            assert np.abs(np.asarray(onward) - expected).max() <= slack
+            assert slack < 1e-12 or abs(found) < 2e-3
+    assert 100 < reflected < 1500
+
+
 def test_rays_come_back_the_way_they_went():
     lens = lens_of(DOUBLE_GAUSS)
     rng = np.random.default_rng(2)
@@ -86,6 +134,24 @@ def test_rays_come_back_the_way_they_went():
     np.testing.assert_allclose(directions, -ways[passed], rtol=0.0, atol=1e-13)
     along = (back[:, 2] - origins[passed, 2]) / ways[passed, 2]
     np.testing.assert_allclose(back, origins[passed] + along[:, None] * ways[passed], rtol=0.0, atol=1e-12)
+
+
+def test_a_stop_and_a_boundary_between_equals_change_nothing():
+    plain = pack_surfaces([Surface(0.03, 4.0, 1.6, 9.0), Surface(-0.02, 0.0, 1.0, 9.0)])
+    more = pack_surfaces(
+        [
+            Surface(0.03, 2.0, 1.6, 9.0),
+            Surface(0.05, 2.0, 1.6, 9.0),
+            Surface(-0.02, 1.0, 1.0, 9.0),
+            Surface(0.0, 0.0, 1.0, 9.0, is_stop=True),
+        ]
+    )
+    assert more.stop == 3
+    origins = np.stack([np.zeros(50), np.linspace(-5, 5, 50), np.full(50, -9.0)], axis=1)
+    _, points, onward = traced(plain, origins, AXIS)
+    _, later, same = traced(more, origins, AXIS)
+    np.testing.assert_allclose(same, onward, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(crossing(later, same)[1:-1], crossing(points, onward)[1:-1], rtol=1e-13)
 
 
 def test_rims_and_the_diaphragm_stop_rays():
@@ -121,6 +187,26 @@ def test_a_front_that_bulges_is_met_from_the_side():
         distances, cosines = met(1.0, on - 7.0 * direction, direction)
         assert distances[0] == pytest.approx(7.0, abs=1e-14)
         assert cosines[0] > 0.0
+
+
+@pytest.mark.parametrize("distance", [math.inf, 1e6, 1000.0, 200.0])
+def test_focus_is_between_that_of_the_axis_and_of_the_rim(distance):
+    lens = lens_of(DOUBLE_GAUSS)
+    found = cardinal_points(lens)
+    # Newton's equation from the focal points, and the most that spherical aberration shifts focus at f/2: 1 %.
+    away = distance + found.front_focus
+    paraxial = found.rear_focus - lens.vertex[-1] + found.focal_length**2 / away
+    assert image_distance(lens, distance, towards_film=True) == pytest.approx(paraxial, rel=0.01)
+    narrow = lens_of(DOUBLE_GAUSS, stop=0.01)
+    assert image_distance(narrow, distance, towards_film=True) == pytest.approx(paraxial, rel=1e-6)
+
+
+def test_the_image_of_the_image_is_the_object():
+    for stop in (None, 1.0, 1e-3):
+        lens = lens_of(DOUBLE_GAUSS, stop=stop)
+        nearest = image_distance(lens, 60.0, towards_film=False)
+        assert nearest > 0.0
+        assert image_distance(lens, nearest, towards_film=True) == pytest.approx(60.0, rel=1e-3)
 
 
 def test_light_that_leaves_diverging_has_its_image_before_the_last_surface():

@@ -1,9 +1,11 @@
 """Lenses against textbook formulas: Snell's law, focal lengths, dispersion, and worked numbers of a singlet."""
 
+import math
+
 import numpy as np
 import pytest
 
-from raytracer.optics.glass import AIR, CATALOGUE, LINE_C, LINE_D, LINE_F, constant_index_glass
+from raytracer.optics.glass import AIR, CATALOGUE, LINE_C, LINE_D, LINE_F, constant_index_glass, glass_from_abbe
 from raytracer.optics.lens_system.lens import Element, Lens
 from raytracer.scene.assets.lenses import read_lens
 from tests.optics.lens_system.rays import backs, gone_through, parallel, unit
@@ -64,6 +66,32 @@ def test_snells_law_in_vector_form(kind, towards_film):
     assert (np.sign((onward * normals).sum(axis=1)) == side).all()
 
 
+@pytest.mark.parametrize("kind", SURFACES)
+def test_what_misses_or_is_totally_reflected_weighs_nothing(kind):
+    element, rng, count = SURFACES[kind]._replace(radius=8.0), np.random.default_rng(2), 4000
+    glass = float(element.glass.ior())
+    origins = np.stack([*rng.uniform(-20.0, 20.0, (2, count)), np.full(count, 20.0)], axis=1)
+    ways = unit(np.stack([*rng.uniform(-3.0, 3.0, (2, count)), np.full(count, -1.0)], axis=1))
+    found = gone_through(Lens("a surface", (element,)), origins, ways, towards_film=False)
+    assert set(np.unique(found.weights)) == {0.0, 1.0}
+    assert np.isfinite(found.points).all()
+    assert np.isfinite(found.directions).all()
+    passed = found.weights == 1.0
+    # Those that pass are within the rim and the critical angle, and on the way that the ray had.
+    points = found.points[passed]
+    _, normals = _sag(element, points[:, 0], points[:, 1])
+    assert (np.hypot(points[:, 0], points[:, 1]) <= 8.0 * (1.0 + 1e-12)).all()
+    sines = np.linalg.norm(np.cross(ways[passed], unit(normals)), axis=1)
+    assert (glass * sines <= 1.0 + 1e-12).all()
+    # Of those that do not, such as meet the surface in its rim are beyond the critical angle.
+    if kind == "flat":
+        at = origins - origins[:, 2:] / ways[:, 2:] * ways
+        within = np.hypot(at[:, 0], at[:, 1]) < 8.0
+        steep = glass * np.hypot(ways[:, 0], ways[:, 1]) > 1.0
+        np.testing.assert_array_equal(passed, within & ~steep)
+        assert (within & steep).any()
+
+
 def lens_lengths(lens):
     """Paraxial focal lengths (mm) in x and in y, by products of matrices written anew."""
     glasses = [1.0, *(float(element.glass.ior(LINE_D)) for element in lens.elements)]
@@ -95,6 +123,38 @@ def test_traced_focal_lengths_go_to_the_paraxial_ones(path, axis):
     assert limit == pytest.approx(paraxial, rel=1e-6)
 
 
+@every_lens
+def test_first_order_data_are_those_of_rays(path):
+    from raytracer.optics.lens_system.first_order import cardinal_points
+
+    lens = read_lens(path)
+    if not lens.is_round():
+        pytest.skip("an anamorphic lens has two of each")
+    points = cardinal_points(lens.packed())
+    assert points.focal_length == pytest.approx(lens_lengths(lens)[0], rel=1e-12)
+    heights = np.array([1.0, 0.5]) * abs(points.focal_length) / 5000.0
+    crossing = backs(lens, heights)
+    assert (4.0 * crossing[1] - crossing[0]) / 3.0 == pytest.approx(
+        points.rear_focus - lens.packed().vertex[-1], rel=1e-6
+    )
+
+
+def test_the_achromat_brings_two_colours_together():
+    """The back focus of F and C through the zone of 0.7 of its opening: f / 2000 or less apart, of a singlet's f / 60.
+
+    They meet in one zone; nearer to the axis and farther out they part, by spherochromatism, one way and the other.
+    """
+    lens = read_lens(SCENES / "lenses" / "achromat-100mm.yaml")
+    f = lens_lengths(lens)[0]
+    rim = 0.5 * f / 4.0
+    heights = np.array([1e-3, math.sqrt(0.5) * rim, rim])
+    blue, yellow, red = (backs(lens, heights, wavelength=line) for line in (LINE_F, LINE_D, LINE_C))
+    assert abs(red - blue)[1] < f / 2000.0
+    assert (red - blue)[0] * (red - blue)[2] < 0.0
+    # The secondary spectrum of ordinary glasses is about f / 2000 (Kingslake, Johnson 2010, sec. 5.5).
+    assert 0.0 < (0.5 * (red + blue) - yellow)[1] < f / 1000.0
+
+
 @pytest.mark.parametrize("glass", ["N-BK7", "N-SF10", "F2"])
 def test_longitudinal_colour_of_a_singlet_is_f_over_v(glass):
     """delta f = f / V for a thin lens (Kingslake, Johnson 2010, sec. 5.1): to the part that n_F and n_C differ by."""
@@ -102,6 +162,24 @@ def test_longitudinal_colour_of_a_singlet_is_f_over_v(glass):
     lens = Lens("singlet", (Element(1.0 / 100.0, 1e-6, material, 9.0), Element(-1.0 / 100.0, 0.0, AIR, 9.0)))
     blue, yellow, red = (float(backs(lens, np.array([1e-3]), wavelength=line)[0]) for line in (LINE_F, LINE_D, LINE_C))
     assert red - blue == pytest.approx(yellow / material.abbe(), rel=0.02)
+
+
+def test_a_doublet_by_the_formulas_of_achromats_has_one_focus_for_two_colours():
+    """phi_a = phi V_a / (V_a - V_b), phi_b = -phi V_b / (V_a - V_b): Kingslake, Johnson 2010, sec. 5.2."""
+    crown, flint, f = glass_from_abbe(1.5168, 64.17), glass_from_abbe(1.6200, 36.37), 100.0
+    apart = crown.abbe() - flint.abbe()
+    powers = crown.abbe() / apart / f, -flint.abbe() / apart / f
+    first = powers[0] / 2.0 / (float(crown.ior()) - 1.0)
+    last = -first - powers[1] / (float(flint.ior()) - 1.0)
+    lens = Lens(
+        "doublet",
+        (Element(first, 1e-6, crown, 9.0), Element(-first, 1e-6, flint, 9.0), Element(last, 0.0, AIR, 9.0)),
+    )
+    blue, yellow, red = (float(backs(lens, np.array([1e-3]), wavelength=line)[0]) for line in (LINE_F, LINE_D, LINE_C))
+    assert yellow == pytest.approx(f, rel=1e-5)
+    assert red == pytest.approx(blue, rel=1e-5)
+    # And without the flint they are f / V of the crown's part apart.
+    assert abs(red - blue) < 1e-2 * f / crown.abbe()
 
 
 RADIUS, INDEX = 50.0, 1.5
@@ -134,3 +212,17 @@ def test_the_plano_convex_singlet():
     )
     spread = np.ptp(backs(turned, np.array([1e-3, 10.0])))
     assert spread < 0.3 * 4.582
+
+
+def test_lenses_are_their_mirror_images_turned_round():
+    """A focal length in air is the same from both sides, and so are rays near the axis, for every shipped lens."""
+    for path in SHIPPED:
+        lens = read_lens(path)
+        if not lens.is_round():
+            continue
+        h = 1e-4 * abs(lens_lengths(lens)[0])
+        front = gone_through(lens, *parallel(np.array([h]), 100.0))
+        back = gone_through(lens, *parallel(np.array([h]), 500.0, towards_film=False), towards_film=False)
+        there, here = (-h * abs(found.directions[0, 2]) / found.directions[0, 0] for found in (front, back))
+        assert there == pytest.approx(here, rel=1e-6), path.stem
+        assert math.isfinite(there)

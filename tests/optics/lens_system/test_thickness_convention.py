@@ -102,6 +102,24 @@ def test_the_wrong_reading_is_warned_of(tmp_path):
     assert "surfaces 1 and 2 go through each other within their apertures" in lens_warnings(wrong)
 
 
+@pytest.mark.parametrize("place", ["after", "before"])
+def test_the_name_decides_where_surfaces_do_not(place, tmp_path):
+    choices = Choices(thickness="after" if place == "after" else "before")
+    expected = cardinal_points(import_lens(table(tmp_path, "a.dat", PAIR), choices).lens().packed()).focal_length
+    engraved = f"{1.02 * expected:.1f}"
+    heading = "radius axpos N aperture"
+    named = [
+        table(tmp_path, f"pair.{engraved}mm.dat", PAIR),
+        table(tmp_path, "b.dat", PAIR, (f"f = {engraved}, f/4", heading)),
+        table(tmp_path, "c.dat", PAIR, ("EFL=254mm", f"Scaled to {engraved} mm from 100 mm", heading)),
+    ]
+    alone = written(tmp_path, "d.dat", f"{engraved}\n" + named[0].read_text())
+    for path in (*named, alone):
+        assert focal_length(path) == expected
+        assert place in "; ".join(lens_warnings(read_lens(path)))
+    assert read_lens(alone).focal_length == float(engraved)
+
+
 def test_a_table_that_may_be_two_lenses_is_refused_with_both(tmp_path):
     path = table(tmp_path, "pair.dat", PAIR)
     both = [import_lens(path, Choices(thickness=place)).lens() for place in ("after", "before")]
@@ -116,3 +134,21 @@ def test_a_table_that_may_be_two_lenses_is_refused_with_both(tmp_path):
     )
     # Another heading is that of pbrt's own words, by which thickness is that behind a surface.
     assert focal_length(table(tmp_path, "pair.dat", PAIR, ("radius thickness n aperture",))) == lengths[0]
+
+
+def test_a_0_that_surfaces_gainsay_is_no_proof(tmp_path):
+    # A stop in the last vertex, before which the way is 0: read as after it, the sides of the glass meet.
+    rows: Rows = [(15, 1, 1.5, 16), (-15, 8, 1, 16), (0, 0, 0, 10)]
+    with pytest.raises(SceneError, match=r"may be two lenses, .* surfaces 1 and 2 that go through each other, with"):
+        read_lens(table(tmp_path, "stop.dat", rows))
+    lens = import_lens(table(tmp_path, "stop.dat", rows), Choices(thickness="before")).lens()
+    assert [element.thickness for element in lens.elements] == [8.0, 0.0, 0.0]
+
+
+def test_ways_that_are_all_alike_are_one_lens_either_way(tmp_path):
+    # The thick lens of n = 1.5 and R = 50 mm, 4 mm thick: 1/f = (n - 1) (2/R - (n - 1) d / (n R^2)).
+    rows: Rows = [(50, 4, 1.5, 10), (-50, 4, 1, 10)]
+    lens = read_lens(table(tmp_path, "single.dat", rows))
+    assert cardinal_points(lens.packed()).focal_length == pytest.approx(1 / (0.5 * (2 / 50 - 0.5 * 4 / (1.5 * 2500))))
+    assert not lens_warnings(lens)
+    assert lens.name == "single"

@@ -7,8 +7,9 @@ import re
 import pytest
 
 from raytracer.optics.glass import AIR, constant_index_glass
-from raytracer.optics.lens_system.lens import Element, Lens
-from raytracer.optics.lens_system.warnings import lens_warnings
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.lens import Element, Focus, Lens
+from raytracer.optics.lens_system.warnings import LENS_WARNINGS, MountedLens, lens_warnings
 from raytracer.scene.assets.lenses import read_lens
 from tests.optics.lens_system.test_shipped_lenses import SHIPPED
 
@@ -50,3 +51,14 @@ def test_a_focal_length_that_is_not_the_published_one_is_told():
     assert lens_warnings(dataclasses.replace(lens, focal_length=200.0)) == [
         "its focal length is 100 mm, and 200 mm are published"
     ]
+
+
+def test_what_is_published_is_of_the_lens_at_infinity():
+    # Two singlets of 100 mm, 60 mm apart, and 80 mm where the front one has moved to what is near: f = 71 and 83 mm.
+    front = singlet(21.0).elements[:2]
+    rear = (Element(0.0, 5.0, constant_index_glass(1.5), 12.5, "flat"), Element(-0.02, 2.0, AIR, 12.5))
+    spaced = (front[0], front[1]._replace(thickness=60.0), *rear, singlet(5.0).elements[2])
+    pair = Lens("pair", spaced, focus=Focus("group", 1, 2))
+    pair = dataclasses.replace(pair, focal_length=cardinal_points(pair.packed()).focal_length)
+    assert list(LENS_WARNINGS.find(MountedLens(pair, 20.0))) == lens_warnings(pair) == []
+    assert any("are published" in doubt for doubt in lens_warnings(pair.focused(20.0)))

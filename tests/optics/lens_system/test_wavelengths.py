@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from raytracer.optics.glass import AIR, CATALOGUE, LINE_D
+from raytracer.optics.glass import AIR, CATALOGUE, LINE_D, constant_index_glass
+from raytracer.optics.lens_system.coatings import Coating, Coatings
 from raytracer.optics.lens_system.lens import FIRST_WAVELENGTH, LAST_WAVELENGTH, STEP, Element, Lens
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.plugins.apertures.polygon import PolygonAperture
@@ -49,6 +50,19 @@ def test_rays_with_wavelengths_go_as_through_a_lens_of_their_index():
         expected = trace_rays(lens.packed(same), starts, ways)
         np.testing.assert_allclose(found[2], expected[2], rtol=0.0, atol=1e-15)
     np.testing.assert_array_equal(trace_rays(table, starts, ways)[2], trace_rays(table, starts, ways, True, LINE_D)[2])
+
+
+def test_what_a_lens_does_not_have_is_not_packed():
+    plain = Lens("plain", (*thin(50.0, 5.0), STOP))
+    packed = plain.packed(dispersion=True, coatings=True)
+    assert packed[5:] == (None, None, None, None)
+    coated = Lens(
+        "coated", (Element(0.01, 5.0, constant_index_glass(1.6), 9.0, coating=Coating()), Element(0.0, 0.0, AIR, 9.0))
+    )
+    assert coated.packed().coatings is None
+    assert isinstance(coated.packed(coatings=True).coatings, Coatings)
+    with pytest.raises(ValueError, match="surface 2 has a coating, but no glass"):
+        Lens("coated air", (Element(0.0, 1.0, AIR, 9.0), Element(0.0, 0.0, AIR, 9.0, coating=Coating())))
 
 
 def test_a_diaphragm_lets_through_what_its_shape_does():
