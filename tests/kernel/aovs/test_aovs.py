@@ -259,7 +259,7 @@ objects:
     assert picture.layers["coverage"][11:13, 13:16].mean() == pytest.approx(math.exp(-0.25 * 3.0), abs=0.04)
 
 
-EXPOSED = ", shutter: 1/60 s, iso: 100"
+EXPOSED = ", sensor: full_frame, sensor_fit: vertical, shutter: 1/60 s, iso: 100"
 
 
 def lens_layers(objects, aperture=1e-6, rim=1e3, exposed=EXPOSED):
@@ -318,7 +318,7 @@ def test_instances_are_objects_of_their_own():
     assert names[str(picture.layers["material_id"][pixel(0.5, 0.6, 3.6)])] == "groups.pair[1].material"
 
 
-@pytest.mark.parametrize("exposed", [pytest.param("", marks=pytest.mark.slow), EXPOSED])
+@pytest.mark.parametrize("exposed", ["", EXPOSED])
 def test_rays_that_a_rim_stops_are_no_holes_in_a_surface(exposed):
     # A wall fills the picture, and a rim cuts most of the light in its corners; what comes through sees the wall alone.
     picture = lens_layers(f"  - {WALL}", aperture=25, rim=25, exposed=exposed)
