@@ -44,7 +44,7 @@ def bits(spec, **settings):
 def test_any_number_of_threads_gives_the_same_bits(specs, expected):
     # 256 tiles, so as many threads where more are asked for.
     before = threading.active_count()
-    for threads in (3, 1024):
+    for threads in (3, 64, 1024):
         assert bits(specs[0], threads=threads) == expected[0]
     assert threading.active_count() == before
 
