@@ -7,7 +7,14 @@ import pytest
 
 from raytracer.core.fresnel import fresnel_dielectric
 from raytracer.core.spectra import FIRST, LAST, response, spectra
-from raytracer.kernel.hero_wavelength import DispersiveLens, DispersiveMaterials, MonochromaticCamera
+from raytracer.kernel.hero_wavelength import (
+    LENS_ROW,
+    WAVELENGTH_ROW,
+    DispersiveLens,
+    DispersiveMaterials,
+    MonochromaticCamera,
+)
+from raytracer.kernel.path_state import workspace
 from raytracer.optics.glass import CATALOGUE
 from raytracer.rendering.path_debug import trace_sample
 from raytracer.rendering.path_text import format_path
@@ -83,7 +90,7 @@ def test_grey_is_exactly_grey_where_light_met_nothing_that_disperses():
 
 
 def test_bits_do_not_depend_on_the_number_of_threads_and_on_a_crop():
-    spec = scene(floor(FLINT), lit=True, spp=37, width=44, height=36)
+    spec = scene(floor(FLINT), lit=True, spp=37, width=44, height=36, sampler="sobol")
     one = render(spec, threads=1).image.radiance
     np.testing.assert_array_equal(render(spec, threads=3).image.radiance, one)
     np.testing.assert_array_equal(render(spec, crop=(13, 9, 31, 33)).image.radiance, one[9:33, 13:31])
@@ -162,6 +169,10 @@ def test_the_effect_is_told_and_packed_only_where_something_disperses():
         assert packed.spectrum is None or packed.spectrum.camera is None
         assert isinstance(packed.spectrum, DispersiveMaterials) == effects_of(spec, packed)["dispersion"].active
         assert isinstance(packed.spectrum, DispersiveMaterials) == disperses
+        rows = workspace(packed).wavelengths
+        assert (rows is not None and rows.dtype == WAVELENGTH_ROW) == disperses
+    lens = workspace(packed._replace(spectrum=DispersiveLens(spectra()))).wavelengths
+    assert lens.dtype == LENS_ROW
 
 
 @pytest.mark.slow

@@ -9,7 +9,9 @@ import math
 import numpy as np
 import pytest
 
+from raytracer.kernel.path_state import workspace
 from raytracer.rendering.render import render
+from raytracer.scene.effects import effects_of
 from raytracer.scene.pack.nested_dielectrics import MAX_SOLIDS
 from raytracer.scene.pack.scene import pack
 from raytracer.util.errors import InputError
@@ -122,17 +124,18 @@ def test_a_camera_in_tinted_glass(priority):
 
 
 def test_shadow_rays_pass_hidden_surfaces_and_are_absorbed():
-    # A matte floor and a small lamp under water; between them glass that water hides, and some that has its index.
+    # A matte floor and a small lamp under water; between them glass that water hides, and some that has its index, and
+    # takes more light.
     bright = "material: {type: emitter, radiance: 1.0e4}"
     lamp = f"  - {{type: quad, corner: [0.49, 0.01, 1], edges: [[0.02, 0, 0], [0, -0.02, 0]], {bright}}}\n"
     floor = "  - {type: quad, corner: [-9, -9, 0], edges: [[18, 0, 0], [0, 18, 0]], material: {type: lambertian}}\n"
     dry = camera(2.0) + NIGHT + "objects:\n" + lamp + floor
     hidden = (
-        slab(-1, 60, clear(1.33, 3, 0.2)) + slab(0.2, 0.4, clear(2.4, 2, 9.0)) + slab(0.5, 0.6, clear(1.33, 4, 0.2))
+        slab(-1, 60, clear(1.33, 3, 0.2)) + slab(0.2, 0.4, clear(2.4, 2, 9.0)) + slab(0.5, 0.6, clear(1.33, 4, 0.9))
     )
     (value, *_), (deviation, *_) = mean(picture(dry, max_depth=2))
     # The lamp is 0.02 m across: its points are 1.118 m from the floor's middle, within 4e-5 of it on average.
-    expected = value * math.exp(-0.2 * (2.0 + math.hypot(1.0, 0.5)))
+    expected = value * math.exp(-0.2 * (2.0 + math.hypot(1.0, 0.5)) - 0.07 * (1.0 + math.hypot(1.0, 0.5)))
     (color, *_), (other, *_) = mean(picture(dry + hidden, max_depth=2))
     assert deviation < 0.01 * value
     assert abs(color - expected) < 4.0 * math.hypot(other, deviation * expected / value) + 1e-4 * expected
@@ -247,6 +250,16 @@ def test_a_camera_far_from_all_solids_does_not_look_around(kind, looks):
     # Without a priority there is nothing of it.
     plain = packed(text.replace(", priority: 1", ""))
     assert (plain.nested_dielectrics, plain.transparency) == (None, None)
+    works = [workspace(tables) for tables in (packed(text), plain)]
+    found = [[part.inside_counts is not None for part in (work.paths, work.shadows)] for work in works]
+    assert found == [[True, True], [False, False]]
+
+
+def test_explained():
+    spec = scene(VIEW + "objects:\n" + ball(0, clear(1.5, 2)), filled=False)
+    effect = effects_of(spec, pack(spec).scene)["nested_dielectrics"]
+    assert effect.active
+    assert "1 material" in effect.why
 
 
 def test_materials_that_select_fill_with_one_thing():

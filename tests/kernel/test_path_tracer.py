@@ -31,6 +31,19 @@ def pinhole(look_from, look_at, vfov, up=(0, 1, 0)):
 LOOK = pinhole((0, 0, 4), (0, 0, 0), 40)
 
 
+def test_max_depth_counts_the_segment_of_a_shadow_ray_too():
+    # By way of a mirror it is two segments to the disc, and three to the lamp.  One packet alone, so that paths that go
+    # on too long spoil no others.
+    text = f"""{pinhole((0, 0.5, 0), (1, 0.5, 0), 1)}objects:
+  - {{type: quad, corner: [3, -9, -9], edges: [[0, 18, 0], [0, 0, 18]], material: {{type: metal, albedo: 0.5}}}}
+  - {{type: disc, center: [-2, 0.5, 0], normal: [1, 0, 0], radius: 2, material: {{type: lambertian, albedo: 0.8}}}}
+  - {{type: sphere, center: [0, 3, 0], radius: 0.5, {LAMP}
+"""
+    two, three = (image(text, max_depth=depth, width=1, height=1, spp=8).radiance for depth in (2, 3))
+    assert two.max() < BLACK
+    assert three.min() > 0.01
+
+
 # ---- Furnaces: everything is as bright as the environment, or as what reflects it
 
 
@@ -98,15 +111,23 @@ def concentric(albedo, ratio, *, scale=1.0, at=(0.0, 0.0, 0.0), side=1):
 
 
 @pytest.mark.parametrize("side", [1, -1], ids=["outside out", "outside in"])
-@pytest.mark.parametrize(
-    ("depth", "albedo", "ratio"),
-    # The third row is hard case 41's half and half: 1 - 0.5^(n - 1).
-    [(2, 0.8, 0.3), (3, 0.8, 0.3), (6, 1.0, math.sqrt(0.5)), (200, 0.9, 0.4)],
-)
+@pytest.mark.parametrize(("depth", "albedo", "ratio"), [(2, 0.8, 0.3), (3, 0.8, 0.3), (6, 0.8, 0.3), (200, 0.9, 0.4)])
 def test_light_in_the_middle_of_a_sphere(side, depth, albedo, ratio):
     # Lambertian walls reflect on both sides, so the sign of the radius must not matter.
     picture = image(concentric(albedo, ratio, side=side), max_depth=depth, spp=256)
     assert_mean(picture, _concentric(albedo, ratio, depth))
+
+
+@pytest.mark.parametrize("depth", [1, 2, 3, 4, 8])
+def test_half_and_half_furnace(depth):
+    # Hard case 41 has a surface that emits 0.5 and reflects 0.5: 1 - 0.5^(n+1).  Here no material does both, so the
+    # wall of the unit sphere reflects half, and the emitter of radiance 1 takes half of its view: F = 1/2, a = 1.
+    # L = sum over k = 0 .. n - 2 of 0.5 * 0.5^k = 1 - 0.5^(n - 1), n counting the camera's segment.
+    picture = image(concentric(1.0, math.sqrt(0.5)), max_depth=depth, spp=256)
+    if depth == 1:
+        assert picture.radiance.max() < BLACK
+    else:
+        assert_mean(picture, 1.0 - 0.5 ** (depth - 1))
 
 
 # ---- max_depth
@@ -391,10 +412,12 @@ def test_russian_roulette_leaves_the_mean_alone(start):
 
 _TURN = "{rotate: {axis: [3, 1, -2], angle: 71}}"
 ROOMS = {
+    "box": "{type: box, min: [-0.7, -0.7, -0.7], max: [0.9, 1.1, 1.3]",
     "turned box": "{type: box, min: [-1, -1.1, -1.2], max: [1.3, 1.4, 1.5], transform: [" + _TURN + "]",
     "large box": "{type: box, min: [-0.7, -0.7, -0.7], max: [0.9, 1.1, 1.3], transform: [" + _TURN + ", {scale: 1000}]",
     "sphere": "{type: sphere, center: [0.1, 0, 0], radius: 2",
     "large sphere": "{type: sphere, center: [0, -900, 0], radius: 1000",
+    "mesh": "{type: mesh, file: icosphere.obj",
     "large mesh": "{type: mesh, file: icosphere.obj, transform: [{scale: 1000}]",
 }
 

@@ -17,6 +17,7 @@ import numba
 import pytest
 
 import raytracer
+from raytracer.kernel.path_state import workspace
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack
 from tests.probe import MATTE, SCENES
@@ -144,10 +145,22 @@ def classes_in(numba_type):
     return inner if own is None else {own.__module__, *inner}
 
 
+# What paths and shadow rays carry besides what all of them do.
+CARRIED = {"fog": {"medium"}, "flight": {"time"}, "dolly": {"time"}, "gauze": {"vertex", "passthroughs"}}
+SHADOWS = {"fog": {"medium", "medium_numbers"}, "gauze": {"target"}}
+
+
 @EFFECTS
-def test_an_effect_brings_its_own_classes(name, brings):
+def test_an_effect_brings_its_own_classes_and_rows_of_paths(name, brings):
     # From these follows what is compiled; what functions a class needs besides, compiled kernels show below.
-    used = kinds({"modules": classes_in(numba.typeof(pack(scene(SCENES[name], filled=False)).scene))})
+    packed = pack(scene(SCENES[name], filled=False)).scene
+    work = workspace(packed)
+    parts = (work.paths._asdict(), work.shadows._asdict())
+    paths, shadows = ({key for key, rows in part.items() if rows is not None} for part in parts)
+    assert paths == {"draws", "ray"} | CARRIED.get(name, set())
+    assert shadows == {"queue", "radiance", "rays"} | SHADOWS.get(name, set())
+    assert work.wavelengths is None
+    used = kinds({"modules": classes_in(numba.typeof(packed))})
     assert used <= brings | PLAIN | {"cameras.placement"}
     assert used & brings
 

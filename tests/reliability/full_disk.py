@@ -130,6 +130,7 @@ def trial(place, seed, expected, seconds):
     failures = [f"{path.name} is left" for path in asides(place)]
     if ended.status not in (0, 1) or len(ended.sentences) != ended.status:
         failures.append(f"status {ended.status}, and said {ended.sentences}")
+    counts.update(f"said: {line.replace(str(place), 'DISK')}" for line in ended.sentences)
     look = place.parent / f"look-{place.name}"
     failures += [f"{name} is broken" for name in left if not is_whole(Path(f"{look}-{name}"), left[name])]
     if not left:
@@ -180,7 +181,11 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        return print_table(*trials(given.moments, given.jobs, given.seed, Path(folder)))
+        try:
+            return print_table(*trials(given.moments, given.jobs, given.seed, Path(folder)))
+        except PermissionError as error:
+            print(f"a small disk cannot be mounted here: {error}", file=sys.stderr)
+            return 2
 
 
 if __name__ == "__main__":

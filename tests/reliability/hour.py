@@ -15,6 +15,7 @@ import sys
 import tempfile
 import threading
 import time
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -131,18 +132,32 @@ def main():
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--settled", type=float, default=SETTLED_SECONDS / _MINUTE, help="minutes that do not count")
     parser.add_argument("--renders", action="store_true", help="a loop of rt.render in place of sweeps")
+    parser.add_argument("--series", type=Path, help="a CSV file of seconds, bytes and points done")
+    parser.add_argument("--trace", action="store_true", help="show which lines hold what was added (slow)")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         trimesh.creation.icosphere(subdivisions=2, radius=0.4).export(folder / "ball.obj")
         (folder / "scene.yaml").write_text(_SCENE)
-        watch, done = Watch(), 0
+        watch, done, counts, before = Watch(), 0, [], None
         for points in (renders if given.renders else sweeps)(rt.load(folder / "scene.yaml"), folder):
             done += points
+            counts.append((watch.passed(), done))
+            if given.trace and before is None and watch.passed() > _MINUTE * given.settled:
+                tracemalloc.start(8)
+                before = tracemalloc.take_snapshot()
             print(f"{watch.passed() / _MINUTE:5.1f} min {done:7,} points", end="\r", flush=True)
             if watch.passed() > _MINUTE * given.minutes:
                 break
         watch.over.set()
+        watch.join()
+    if before is not None:
+        for line in tracemalloc.take_snapshot().compare_to(before, "traceback")[:12]:
+            print(line, *line.traceback.format()[-8:], sep="\n")
+    if given.series is not None:
+        finished = np.interp(watch.seconds, *zip(*counts, strict=True))
+        rows = zip(watch.seconds, watch.resident, finished, strict=True)
+        given.series.write_text("".join(f"{s:.1f},{b},{n:.0f}\n" for s, b, n in rows))
     found, error = slope(watch.seconds, watch.resident, _MINUTE * given.settled)
     print(
         f"{done:,} points in {watch.seconds[-1] / _MINUTE:.1f} min; from minute {given.settled:g} on resident memory "

@@ -43,18 +43,20 @@ scene = rt.load(sys.argv[1])
 Path(sys.argv[2]).touch()
 while not Path(sys.argv[3]).exists():
     time.sleep(0.01)
+began = time.perf_counter()
 image = rt.render(scene, threads=1)
 digest = hashlib.sha256(image.radiance.tobytes()).hexdigest()
-print(render_tile.counts["compiled"], digest)
+print(render_tile.counts["compiled"], digest, time.perf_counter() - began)
 """
 
 
 class Race(NamedTuple):
-    """The outcome of a race: exit statuses, digests of pictures, how many compiled, what else is left, and stderr."""
+    """The outcome of a race: exit statuses, digests of pictures, how many compiled, and what else is left."""
 
     statuses: list[int]
     pictures: set[str]
     compiled: int
+    slowest: float
     left: list[str]
     told: str
 
@@ -78,8 +80,9 @@ def race(folder, processes):
     files = [path for path in (*(folder / "cache").rglob("*"), *(folder / "key").iterdir()) if path.is_file()]
     return Race(
         [racer.returncode for racer in racers],
-        {digest for _, digest in lines},
-        sum(int(misses) for misses, _ in lines),
+        {digest for _, digest, _ in lines},
+        sum(int(misses) for misses, _, _ in lines),
+        max((float(seconds) for _, _, seconds in lines), default=0.0),
         [path.name for path in files if path.suffix not in (*_KERNELS, ".lock", ".took") and path.name != FILE_NAME],
         "".join(error for _, error in told),
     )

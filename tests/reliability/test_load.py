@@ -1,13 +1,10 @@
-"""Processes that start together, and one after the other: short runs of `race`, and the fit of `hour`."""
-
-import os
-from pathlib import Path
+"""Processes that start together, and one after the other: short runs of `race` and `many`, and the fit of `hour`."""
 
 import numpy as np
 import pytest
 
 from tests.reliability.hour import slope
-from tests.reliability.processes import BALL, run
+from tests.reliability.many import many
 from tests.reliability.race import damage, kill_compilers, race
 
 
@@ -23,27 +20,10 @@ def test_processes_that_start_together_compile_once_whatever_was_left(tmp_path):
     assert second.pictures == first.pictures
 
 
-def paths(folder):
-    # Memory that processes share lies directly there; folders are those of other programs.
-    shared = Path("/dev/shm").glob("*")
-    return {f"{path} {path.stat().st_size}" for path in (*folder.rglob("*"), *shared) if path.is_file()}
-
-
 @pytest.mark.slow
 def test_renders_one_after_the_other_leave_nothing(tmp_path):
-    # As a shell loop runs them: nothing in the kernel cache, in the folders of temporary files and shared memory, or
-    # beside the output.
-    (tmp_path / "ball.yaml").write_text(BALL)
-    (tmp_path / "tmp").mkdir()
-    own = {"RAYTRACER_CACHE_DIR": "cache", "RAYTRACER_KEY_DIR": "key", "TMPDIR": "tmp"}
-    environment = {**os.environ, **{name: str(tmp_path / place) for name, place in own.items()}}
-    pictures, left = set(), []
-    for _ in range(6):
-        assert run(["render", "ball.yaml", "-o", "out/picture.exr", "-q"], tmp_path, env=environment).status == 0
-        pictures.add((tmp_path / "out" / "picture.exr").read_bytes())
-        left.append(paths(tmp_path))
-    assert len(pictures) == 1
-    assert all(each == left[0] for each in left)
+    found = many(tmp_path, 6)
+    assert found.is_clean, found
 
 
 def test_the_slope_is_that_after_what_does_not_count():

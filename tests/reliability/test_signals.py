@@ -1,4 +1,7 @@
-"""Ctrl-C, SIGTERM and SIGHUP: how processes end, what they print, and what is on the disk then."""
+"""Ctrl-C, SIGTERM and SIGHUP: how processes end, what they print, and what is on the disk then.
+
+No time is asserted: `python -m tests.reliability.signalling` measures it.
+"""
 
 import os
 import shlex

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from raytracer.cli.base.app import main
 from raytracer.core.embree import Accel
 from raytracer.core.geometry import Geometry, Primitive
 from raytracer.rendering import memory_budget
@@ -56,11 +57,16 @@ def test_what_the_machine_may_have_is_not_refused(monkeypatch):
                 check_memory(_NEEDED)
 
 
-def test_a_render_is_refused_before_it_is_built(monkeypatch):
-    spec = halves()
+def test_a_render_is_refused_before_it_is_built(monkeypatch, tmp_path, capsys):
+    spec, path, output = halves(), tmp_path / "halves.yaml", tmp_path / "a.png"
     monkeypatch.setattr("raytracer.scene.pack.scene.PackedScene.build", lambda *given: pytest.fail("built"))
     with pytest.raises(InputError, match="there are 10 MB allowed"):
         render(spec, max_memory=10**7)
+    spec.save(path)
+    assert main(["render", str(path), "-o", str(output), "-q", "--max-memory", "50 MB"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert "50 MB allowed by --max-memory" in said[-1]
+    assert not output.exists()
 
 
 def test_parts_of_a_picture_count_as_large_as_they_are(monkeypatch):
@@ -171,6 +177,7 @@ OLD = {"memory/memory.limit_in_bytes": 1000, "memory/memory.usage_in_bytes": 900
         (V2, 0, CACHED | {"job/step/memory.max": 600}, 100),
         (V2, 0, CACHED | {"job/step/memory.max": 400}, 0),
         (V2, 5000, SWAP, 5300),
+        ("0::/\n", 5000, {"memory.max": 1000, "memory.current": 700, "memory.swap.max": "max"}, 5300),
         (V2, 5000, SWAP | {"job/memory.swap.max": 50, "job/memory.swap.current": 20}, 330),
         (V1, 0, OLD | {"memory/memory.stat": "total_cache 150\nbroken"}, 100),
         (V1, 0, OLD | {"memory/memory.stat": "cache 0\ntotal_cache 150"}, 250),

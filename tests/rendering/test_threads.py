@@ -44,7 +44,7 @@ def bits(spec, **settings):
 def test_any_number_of_threads_gives_the_same_bits(specs, expected):
     # 256 tiles, so as many threads where more are asked for.
     before = threading.active_count()
-    for threads in (3, 1024):
+    for threads in (3, 64, 1024):
         assert bits(specs[0], threads=threads) == expected[0]
     assert threading.active_count() == before
 
@@ -180,8 +180,10 @@ def test_warnings_of_a_scene_get_through_while_others_compile():
         rt.render(doubtful, spp=1, threads=1)
         done.set()
 
-    with pytest.warns(rt.SceneWarning):
+    with pytest.warns(rt.SceneWarning) as told:
         render_meanwhile()
+    # Its own, and not only those of the specks that fill it up.
+    assert any("is inside objects[5]" in str(each.message) for each in told)
     other.join()
     assert not found
 

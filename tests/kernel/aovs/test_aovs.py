@@ -259,13 +259,16 @@ objects:
     assert picture.layers["coverage"][11:13, 13:16].mean() == pytest.approx(math.exp(-0.25 * 3.0), abs=0.04)
 
 
-def lens_layers(objects, aperture=1e-6, rim=1e3):
+EXPOSED = ", sensor: full_frame, sensor_fit: vertical, shutter: 1/60 s, iso: 100"
+
+
+def lens_layers(objects, aperture=1e-6, rim=1e3, exposed=EXPOSED):
     """Layers of a scene by a lens (mm), or what is as good as a pinhole; with instances and something cut out."""
     lens = f"type: thin_lens, vfov: {VFOV}, focus_distance: 4, aperture: {aperture}"
     rims = f"vignetting: {{diameter: {rim}, distance: 30}}"
     return layers(
         f"""
-camera: {{{lens}, look_from: [0, 0, 4], look_at: [0, 0, 0], {rims}}}
+camera: {{{lens}, look_from: [0, 0, 4], look_at: [0, 0, 0], {rims}{exposed}}}
 {SKY}
 groups:
   pair:
@@ -315,11 +318,12 @@ def test_instances_are_objects_of_their_own():
     assert names[str(picture.layers["material_id"][pixel(0.5, 0.6, 3.6)])] == "groups.pair[1].material"
 
 
-def test_rays_that_a_rim_stops_are_no_holes_in_a_surface():
+@pytest.mark.parametrize("exposed", ["", EXPOSED])
+def test_rays_that_a_rim_stops_are_no_holes_in_a_surface(exposed):
     # A wall fills the picture, and a rim cuts most of the light in its corners; what comes through sees the wall alone.
-    picture = lens_layers(f"  - {WALL}", aperture=25, rim=25)
+    picture = lens_layers(f"  - {WALL}", aperture=25, rim=25, exposed=exposed)
     np.testing.assert_array_equal(picture.layers["coverage"], 1.0)
     np.testing.assert_array_equal(picture.layers["object_id"], 1)
     np.testing.assert_allclose(picture.layers["depth"], 4.0, rtol=1e-6)
-    open_lens = lens_layers(f"  - {WALL}", aperture=25).radiance
+    open_lens = lens_layers(f"  - {WALL}", aperture=25, exposed=exposed).radiance
     assert picture.radiance[0, 0, 0] < 0.6 * open_lens[0, 0, 0]
