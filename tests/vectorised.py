@@ -3,12 +3,14 @@
     hits = vectorised(intersect)(table, rows(origins), rows(directions), 4.0)
 
 What is wrapped by `rows` is handed over row by row, also within records and tuples; all else as it is.  The result is
-what the kernel returns, with an array in place of each number.
+what the kernel returns, with an array in place of each number, and of a tuple of floats an array with a column for
+each.  Numbers pass through float64: of integers beyond 2^53 the last bits are lost.
 """
 
 import functools
 import hashlib
 import inspect
+import sys
 from collections import namedtuple
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,9 +23,6 @@ from raytracer.core.compiler.declarations import declare_part
 from raytracer.core.compiler.dispatch import entry
 from raytracer.core.sampling import SAMPLERS
 from raytracer.plugins.materials.base.interface import Draws
-
-_WORDS = 256
-"""The most numbers that a kernel may return here."""
 
 
 class Numbers(NamedTuple):
@@ -59,8 +58,9 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
     """Make a kernel a function of Python that takes `rows` among its arguments."""
 
     def call(*arguments: Any) -> Any:
-        count = next(len(values) for values in _all_rows(arguments))
-        example = _fill(_tag(kernel), arguments, _space(0, _WORDS))
+        (count,) = {len(values) for values in _all_rows(arguments)}
+        # What the first row gives tells how many numbers a row has.
+        example = _fill(_tag(kernel), arguments, _space(0, 0))
         out = _space(count, sum(1 for _ in _numbers(example)))
         _fill(_tag(kernel), arguments, out)
         return _shaped(example, map(np.copy, out.T))
@@ -75,11 +75,12 @@ def random_draws(count: int, *, seed: int = 0, dimension: int = 8, sampler: str 
 
 
 def _space(count: int, words: int) -> NDArray[np.float64]:
-    """Make rows for results; they have gaps, lest those of one row or of one column are of another type."""
+    """Make `count` rows for results, with gaps: without, those of one row or column would be of another type."""
     return np.empty((max(words, 2), count + 1)).T[:count]
 
 
 def _numbers(example: Any) -> Iterator[Any]:
+    """The numbers in nested tuples."""
     if isinstance(example, tuple):
         for item in example:
             yield from _numbers(item)
@@ -90,12 +91,12 @@ def _numbers(example: Any) -> Iterator[Any]:
 @entry
 def _fill(tag, arguments, out):
     for index in range(len(out)):
-        result = _apply(tag, arguments, index)
-        _store(result, out, index, 0)
+        _store(_apply(tag, arguments, index), out, index, 0)
     return _apply(tag, arguments, 0)
 
 
 def _all_rows(arguments: Any) -> Iterator[Any]:
+    """The arrays that are wrapped, at any depth."""
     for argument in arguments if isinstance(arguments, tuple) else ():
         if isinstance(argument, Numbers | Pairs | Triples):
             yield argument.values
@@ -104,7 +105,7 @@ def _all_rows(arguments: Any) -> Iterator[Any]:
 
 
 def _shaped(example: Any, columns: Iterator[Any]) -> Any:
-    """Put columns of results into the shape of one of them."""
+    """Put columns of results into the shape of one result."""
     if example is None:
         return None
     if not isinstance(example, tuple):
@@ -124,11 +125,22 @@ _kernels: dict[type, Callable[..., Any]] = {}
 def _tag(kernel: Callable[..., Any]) -> Any:
     """Make an empty record whose class stands for a kernel: its name is part of the key of what is on disk."""
     function = inspect.unwrap(kernel)
-    source = hashlib.sha256(Path(function.__code__.co_filename).read_bytes()).hexdigest()[:16]
+    files = (Path(sys.modules[name].__file__ or "").read_bytes() for name in sorted(_sources(function.__module__)))
+    source = hashlib.sha256(b"\0".join(files)).hexdigest()[:16]
     tag = namedtuple("Kernel", ())
     tag.__qualname__ = f"{function.__module__}:{function.__qualname__}:{source}"
     _kernels[tag] = kernel
     return tag()
+
+
+def _sources(module: str, *known: str) -> set[str]:
+    """The names of a module, and of the tests' modules from which it has anything (keys know the package's)."""
+    names = {module}
+    for value in vars(sys.modules[module]).values():
+        other = getattr(value, "__module__", None) or ""
+        if other.startswith("tests.") and other not in (*known, *names):
+            names |= _sources(other, *known, *names)
+    return names
 
 
 def _generated(text: str, **names: Any) -> Callable[..., Any]:
@@ -137,7 +149,7 @@ def _generated(text: str, **names: Any) -> Callable[..., Any]:
     return names["generated"]  # type: ignore[no-any-return]
 
 
-# These are what the interpreter calls, under NUMBA_DISABLE_JIT.
+# Under NUMBA_DISABLE_JIT these run as they are; otherwise what the functions below make in their place, by types.
 
 
 def _apply(tag, arguments, index):
@@ -149,7 +161,7 @@ def _row(argument, index):
         return argument.values[index]
     if isinstance(argument, Pairs | Triples):
         return tuple(argument.values[index])
-    if not any(True for _ in _all_rows((argument,))):
+    if next(_all_rows((argument,)), None) is None:
         return argument
     items = (_row(item, index) for item in argument)
     return tuple(items) if type(argument) is tuple else type(argument)(*items)
@@ -177,11 +189,7 @@ def _choose_row(argument: Any, index: Any) -> Callable[..., Any]:
     if cls is Pairs:
         return lambda argument, index: (argument.values[index, 0], argument.values[index, 1])
     if cls is Triples:
-        return lambda argument, index: (
-            argument.values[index, 0],
-            argument.values[index, 1],
-            argument.values[index, 2],
-        )
+        return lambda argument, index: (argument.values[index, 0], argument.values[index, 1], argument.values[index, 2])
     if not _has_rows(argument):
         return lambda argument, index: argument
     items = ", ".join(f"row(argument[{number}], index)" for number in range(len(argument)))
@@ -190,6 +198,7 @@ def _choose_row(argument: Any, index: Any) -> Callable[..., Any]:
 
 
 def _has_rows(kind: Any) -> bool:
+    """Tell if arguments of a type hold rows, as `_all_rows` finds them in values."""
     from numba import types
 
     if getattr(kind, "instance_class", None) in (Numbers, Pairs, Triples):
@@ -198,6 +207,7 @@ def _has_rows(kind: Any) -> bool:
 
 
 def _words(kind: Any) -> int:
+    """How many numbers results of a type hold, as `_numbers` finds them in values."""
     from numba import types
 
     if isinstance(kind, types.BaseTuple):

@@ -97,18 +97,18 @@ def test_results_are_what_the_function_returns():
 
 def test_a_tuple_is_packed_once_and_its_arrays_are_read_anew(tmp_path):
     @entry
-    def first(rows, scale, more):
-        return scale * rows[0][0] + len(more[1])
+    def first(rows, scale, nothing, more):
+        return scale * rows[0][0] + len(nothing) + len(more[1])
 
-    rows, more = (np.ones(2),), (2.0, (), None)
-    assert first(rows, 2.0, more) == 2.0
+    rows, more = (np.ones(2),), ((), (2.0, (), None))
+    assert first(rows, 2.0, *more) == 2.0
     rows[0][0] = 5.0
-    assert first(rows, 3.0, more) == 15.0
+    assert first(rows, 3.0, *more) == 15.0
     # Files in memory are arrays, too.
     mapped = np.memmap(tmp_path / "rows", dtype=np.float64, mode="w+", shape=(2,))
     mapped[0] = 7.0
-    assert first((mapped,), 1.0, more) == 7.0
-    assert first((np.full(2, 7, np.int32),), 1.0, more) == 7.0
+    assert first((mapped,), 1.0, *more) == 7.0
+    assert first((np.full(2, 7, np.int32),), 1.0, *more) == 7.0
     assert len(first.signatures) == 2
 
 

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import threading
@@ -54,6 +55,7 @@ def test_what_was_saved_is_loaded_by_any_process_and_executed(tmp_path, tmp_path
     monkeypatch.setenv("RAYTRACER_KEY_DIR", str(tmp_path_factory.mktemp("others")))
     assert files(tmp_path).load(KEY) is None
     files(tmp_path).save(KEY, "another's")
+    assert files(tmp_path).load(KEY) == "another's"
     monkeypatch.setenv("RAYTRACER_KEY_DIR", str(keys))
     assert files(tmp_path).load(KEY) == [1, 2]
     # Otherwise the tests below could not fail.
@@ -254,6 +256,7 @@ def _piped(path):
 
 
 SPOILT = {
+    "no folder": lambda path: shutil.rmtree(path.parent),
     **{f"cut at {left}": lambda path, left=left: path.write_bytes(path.read_bytes()[:left]) for left in (0, 1, 20, -1)},
     "key lost": lambda path: (Path(os.environ["RAYTRACER_KEY_DIR"]) / FILE_NAME).unlink(),
     "group may write": lambda path: path.chmod(0o664),
@@ -265,7 +268,7 @@ SPOILT = {
 
 @_POSIX
 @pytest.mark.parametrize("spoilt", SPOILT)
-def test_a_damaged_or_open_file_is_as_none_and_is_replaced_by_one_alone(spoilt, tmp_path):
+def test_a_lost_damaged_or_open_file_is_as_none_and_is_replaced_by_one_alone(spoilt, tmp_path):
     store = _trapped(tmp_path)
     SPOILT[spoilt](file_of(store))
 

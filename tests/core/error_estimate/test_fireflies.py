@@ -2,12 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.core.error_estimate.fireflies import MIN_SAMPLES, find_fireflies
-
-Array = NDArray[np.float64]
-Statistics = tuple[Array, Array, NDArray[np.int64]]
 
 SIZE = (24, 32)
 

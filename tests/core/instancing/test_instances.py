@@ -175,6 +175,17 @@ def test_each_placement_answers_by_its_number_and_may_have_a_material_of_its_own
     assert hits.material.tolist() == [0, 9, 0, 0, 0, 4]
 
 
+def test_several_tables_answer_by_their_place():
+    # At time 1, when the sphere that flies is no longer where the other is.
+    matrix = MATRICES["turned and moved"]
+    origins, directions = rays(matrix, 5000, 8)
+    near = np.array([cast(only(kind, at=matrix), origins, directions, times=1.0).near for kind in KINDS])
+    hits = cast(placed(EMITTERS, matrix), origins, directions, times=1.0)
+    assert {*hits.table} == {*range(-1, len(KINDS))}
+    of_its_table = np.where(hits.table < 0, np.inf, near[hits.table, np.arange(5000)])
+    np.testing.assert_allclose(of_its_table, near.min(axis=0), rtol=1e-5)
+
+
 @pytest.mark.parametrize("exact", [True, False])
 def test_what_accuracy_adds(exact):
     # Without it the point lies where float32 says along the ray, in the world as in the group.

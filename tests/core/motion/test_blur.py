@@ -348,6 +348,16 @@ def frames_in(folder, *sizes):
     return ", ".join(f"{{time: {number / 2}, file: {number}.obj}}" for number in range(len(sizes)))
 
 
+def test_frames_are_met_as_they_are_at_the_time(tmp_path):
+    """A square that grows from half edges of 0.5 to 1 and back."""
+    camera = "camera: {type: pinhole, look_from: [0, 0, 5], shutter: 1}"
+    text = f"{camera}\nobjects:\n  - {{type: mesh, frames: [{frames_in(tmp_path, 0.5, 1.0, 0.5)}]}}\n"
+    times, x = random_times(5000, 6), np.random.default_rng(7).uniform(-1.2, 1.2, (5000, 2))
+    hits = shooter(packed_of(text, base=tmp_path))(np.column_stack([x, np.full(5000, 5.0)]), [0, 0, -1], times=times)
+    inside = 1 - np.abs(times - 0.5) - np.abs(x).max(axis=1)
+    np.testing.assert_array_equal((hits.table >= 0)[np.abs(inside) > 1e-5], inside[np.abs(inside) > 1e-5] > 0)
+
+
 def test_frames_that_do_not_differ_in_the_shutter_are_a_mesh(tmp_path):
     frames = frames_in(tmp_path, 0.5, 0.5, 1.0)
     camera = "camera: {type: pinhole, look_from: [0, 0, 5], look_at: [0, 0, 0]"

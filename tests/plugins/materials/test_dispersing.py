@@ -138,6 +138,8 @@ def test_materials_say_how_they_part_wavelengths():
     assert RoughDielectric(ior="N-SF11").dispersion_mode() == TERMINATE_ON_HIT
     assert Dielectric(ior=1.3, outside_ior="water").dispersion_mode() == TERMINATE_ON_REFRACTION
     assert Dielectric(ior=1.5, outside_ior=1.3).dispersion_mode() == 0
+    # A plain number is the index that it was, to the bit.
+    assert Dielectric(ior=2.4, outside_ior=1.1).eta() == 2.4 / 1.1
 
 
 def test_boundaries_between_what_disperses():

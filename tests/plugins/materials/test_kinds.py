@@ -49,6 +49,15 @@ def test_pdf_of_fuzz():
     assert outside == 0.0 < middle < rim
 
 
+@pytest.mark.parametrize("fuzz", [0.05, 0.3, 0.9, 1.0])
+def test_pdf_of_fuzz_integrates_to_one(fuzz):
+    # With c = c0 + (1 - c0) s^2 the pole at the rim c0 = sqrt(1 - fuzz^2) is smoothed away.
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    s, cap = 0.5 + 0.5 * nodes, 1.0 - math.sqrt(1.0 - fuzz * fuzz)
+    density = vectorised(pdf_fuzz)(rows(cap * (1.0 - s * s)), fuzz)
+    assert 2.0 * math.pi * cap * (density * s * weights).sum() == pytest.approx(1.0, abs=2e-6)
+
+
 @pytest.mark.parametrize("fuzz", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_little_fuzz_has_its_digits_and_goes_to_zero_without_a_jump(fuzz):
     # |normalize(m + f u) - m| <= f, and nothing is lost while the lobe is above the surface.

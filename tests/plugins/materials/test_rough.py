@@ -237,6 +237,15 @@ def test_glass_of_little_roughness_reflects_by_fresnel():
         assert np.median(outgoing[~up, 2]) == pytest.approx(-cos_t, abs=2e-3)
 
 
+def test_equal_indices_are_nothing_at_all():
+    for degrees in (0.0, 60.0, 90.0):
+        direction = incoming(degrees)
+        outgoing, weight, pdf = scatter_many(RoughDielectric(ior=1.5, outside_ior=1.5, roughness=0.7), direction, 100)
+        np.testing.assert_array_equal(outgoing, np.tile(direction, (100, 1)))
+        assert (weight == 1.0).all()
+        assert np.isinf(pdf).all()
+
+
 @pytest.mark.parametrize("ulps", [-64, -1, 1, 2, 64])
 @pytest.mark.parametrize("roughness", [0.3, 1.0])
 def test_indices_that_differ_by_rounding_lose_no_light(roughness, ulps):
@@ -317,3 +326,10 @@ def test_an_albedo_is_what_smooth_metal_reflects_at_normal_incidence():
     np.testing.assert_allclose(weight[0], (0.9, 0.5, 0.1), rtol=1e-14)
     _, weight, _ = scatter_many(RoughConductor(albedo=(0.9, 0.5, 0.1), roughness=0.0), (1.0, 0.0, 0.0), 1)
     np.testing.assert_allclose(weight[0], 1.0, rtol=1e-14)
+
+
+def test_light_between_mirrors_deepens_the_colour_of_rough_metal():
+    # Each further mirror takes its part: what is added to green and blue of gold, by red, falls with their reflectance.
+    smooth, rough = (albedo(RoughConductor(metal="gold", roughness=roughness), 30.0) for roughness in (0.1, 1.0))
+    assert (rough[1:] / rough[0] < 0.97 * smooth[1:] / smooth[0]).all()
+    assert (rough < smooth).all()

@@ -45,11 +45,12 @@ class Hits(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Points drawn on a primitive: point, normal, local (n, 3); pdf, its twin by `pdf_point`, and gap (n,)."""
+    """Points drawn on a primitive: point, normal, local (n, 3); uv (n, 2); pdf, its twin by `pdf_point`, gap (n,)."""
 
     point: Array
     normal: Array
     local: Array
+    uv: Array
     pdf: Array
     twin: Array
     gap: Array
@@ -84,7 +85,7 @@ def _is_occluded(accel, packet, origin, direction, far):
 def _point(stage, instance, table, primitive, reference, u1, u2, time):
     on = sample_instance_point(stage.instances, stage, instance, table, primitive, reference, u1, u2, time)
     twin = pdf_instance_point(stage.instances, stage, instance, table, primitive, reference, on.point, on.normal, time)
-    return on.point, on.normal, on.local, on.pdf, twin, on.gap
+    return on.point, on.normal, on.local, (on.u, on.v), on.pdf, twin, on.gap
 
 
 def _all(vectors: Any, count: int, width: int = 3) -> Any:

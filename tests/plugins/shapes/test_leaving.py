@@ -23,6 +23,7 @@ FLAT = {
 }
 CONVEX = {
     "sphere": "type: sphere, center: [0, 0, 0], radius: 1",
+    "hollow": "type: sphere, center: [0, 0, 0], radius: -1",
     "box": "type: box, min: [-0.6, -0.5, -0.4], max: [0.5, 0.5, 0.6]",
     "mesh": "type: mesh, file: FILE_0.obj",
     "smooth mesh": "type: mesh, file: FILE_0.obj, smooth: true",
@@ -120,12 +121,15 @@ def self_hits(folder, size, away, count, seed, *, bare=False):
     again = shoot(np.where(met[:, None], first.point if bare else first.start, 1e30), on, times=times)
     same = met & (first.table == again.table) & (first.instance == again.instance)
     same &= first.primitive == again.primitive
-    # From within, a sphere is met again at the other end of the chord; all other primitives are flat.  Objects are at
-    # least as far apart as they are large.
+    # Objects are at least as far apart as they are large.
     names = np.array([name for (name, _), _, _ in MOTIONS])[which]
     aimed = np.linalg.norm(first.point - middle, axis=1) < 2.0 * size
-    outwards = (on * first.normal).sum(axis=1) > 0.0
-    wrong = same & (outwards | (names != "sphere")) | outwards & (again.near < 0.5 * size) & np.isin(names, [*CONVEX])
+    cosine = (on * first.normal).sum(axis=1) * np.where(names == "hollow", -1.0, 1.0)
+    # From within, a sphere is met again at the other end of the chord, 2 r cos away, and at least 2 a^2 / b cos for
+    # an ellipsoid of semi-axes from a to b; all other primitives are flat.
+    half = size * np.array([0.09 if stretch == STRETCHES["sphere"] else 1.0 for (_, stretch), _, _ in MOTIONS])[which]
+    wrong = same & ((cosine > 0.0) | ~np.isin(names, ["sphere", "hollow"]) | (again.near < -half * cosine))
+    wrong |= (cosine > 0.0) & (again.near < 0.5 * size) & np.isin(names, [*CONVEX])
     return met.sum(), (wrong & aimed).sum(), {*zip(names[met], ways[met], strict=True)}
 
 

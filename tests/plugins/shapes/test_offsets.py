@@ -105,6 +105,24 @@ def test_rays_inside_spheres_meet_the_far_side(scale):
     assert (np.abs(result - chord)[long] <= 2.0 * offset / cosine[long]).all()
 
 
+@pytest.mark.parametrize("distance", [10.0, 1e3, 1e5])
+def test_far_spheres_are_met_in_front_and_exactly(distance):
+    # Hard case 1: unit spheres within an impact parameter of 0.999; however near the limb, the near side is met.
+    count = 20_000
+    rng = np.random.default_rng(11)
+    b, phi = 0.999 * np.sqrt(rng.random(count)), 2.0 * np.pi * rng.random(count)
+    table = spheres([0.0, 0.0, 0.0], 1.0)
+    origins = np.column_stack([b * np.cos(phi), b * np.sin(phi), np.full(count, distance)])
+    hits = cast((table,), origins, np.tile([0.0, 0.0, -1.0], (count, 1)))
+    met = hits.table == 0
+    # From 1e5 radii, float32 cannot tell 0.998 of a radius from 1: hard case 2 warns there.
+    assert (~met).sum() == 0 if distance < 1e5 else met.mean() > 0.99
+    height = np.sqrt(1.0 - b * b)
+    assert (hits.normal[met, 2] > 0.0).all()
+    # The height of the closest approach is known to the rounding of the distance, 1e-16 d / height.
+    assert (np.abs(hits.point[met, 2] - height[met]) * height[met] <= 4e-16 * distance + 1e-15).all()
+
+
 @pytest.mark.parametrize(("distance", "radius"), [(1e4, 1.0), (1e8, 1.0), (1.0 + 1e-5, 1.0)])
 def test_cone_of_a_sphere_light_keeps_its_density_finite(distance, radius):
     # Hard case 10: the solid angle is 2 pi s^2 / (1 + sqrt(1 - s^2)), s = r / d; 1 - cos is 0 in float32 at d = 1e4.
