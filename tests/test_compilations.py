@@ -24,7 +24,7 @@ def test_two_processes_share_a_kernel_and_more_than_the_budget_fails(tmp_path: P
     )
     words = "-q -p tests.compilations -p no:cacheprovider -n 2 --kernels 1"
     run = subprocess.run(
-        [sys.executable, "-m", "pytest", *words.split(), tmp_path],
+        [sys.executable, "-m", "pytest", *words.split(), "--rootdir", tmp_path, tmp_path],
         env={**os.environ, "PYTHONPATH": str(ROOT), "RAYTRACER_CACHE_DIR": str(tmp_path / "cache")},
         check=False,
         capture_output=True,

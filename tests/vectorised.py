@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raytracer.core.compiler.declarations import declare_part
 from raytracer.core.compiler.dispatch import entry
@@ -60,10 +59,10 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
     def call(*arguments: Any) -> Any:
         (count,) = {len(values) for values in _all_rows(arguments)}
         # What the first row gives tells how many numbers a row has.
-        example = _fill(_tag(kernel), arguments, _space(0, 0))
-        out = _space(count, sum(1 for _ in _numbers(example)))
-        _fill(_tag(kernel), arguments, out)
-        return _shaped(example, map(np.copy, out.T))
+        example = _fill(_tag(kernel), arguments, np.empty(0), 0)
+        out = np.empty((sum(1 for _ in _numbers(example)), count))
+        _fill(_tag(kernel), arguments, out.reshape(-1), count)
+        return _shaped(example, iter(out))
 
     return call
 
@@ -72,11 +71,6 @@ def random_draws(count: int, *, seed: int = 0, dimension: int = 8, sampler: str 
     """Random numbers for rows: sample after sample of one pixel."""
     chosen = SAMPLERS[sampler](seed, count if sampler != "independent" else 1)
     return Draws(chosen, np.uint64(0x9E3779B97F4A7C15), rows(np.arange(count)), dimension)
-
-
-def _space(count: int, words: int) -> NDArray[np.float64]:
-    """Make `count` rows for results, with gaps: without, those of one row or column would be of another type."""
-    return np.empty((max(words, 2), count + 1)).T[:count]
 
 
 def _numbers(example: Any) -> Iterator[Any]:
@@ -89,9 +83,10 @@ def _numbers(example: Any) -> Iterator[Any]:
 
 
 @entry
-def _fill(tag, arguments, out):
-    for index in range(len(out)):
-        _store(_apply(tag, arguments, index), out, index, 0)
+def _fill(tag, arguments, out, count):
+    # Column after column: a flat array is of one type, whatever its length.
+    for index in range(count):
+        _store(_apply(tag, arguments, index), out, index, count)
     return _apply(tag, arguments, 0)
 
 
@@ -167,13 +162,9 @@ def _row(argument, index):
     return tuple(items) if type(argument) is tuple else type(argument)(*items)
 
 
-def _store(value, out, index, column):
-    if not isinstance(value, tuple):
-        out[index, column] = np.nan if value is None else value
-        return column + (value is not None)
-    for item in value:
-        column = _store(item, out, index, column)
-    return column
+def _store(value, out, place, count):
+    for column, number in enumerate(_numbers(value)):
+        out[place + column * count] = number
 
 
 def _choose_apply(tag: Any, arguments: Any, index: Any) -> Callable[..., Any]:
@@ -215,22 +206,22 @@ def _words(kind: Any) -> int:
     return int(not isinstance(kind, types.NoneType))
 
 
-def _choose_store(value: Any, out: Any, index: Any, column: Any) -> Callable[..., Any]:
+def _choose_store(value: Any, out: Any, place: Any, count: Any) -> Callable[..., Any]:
     from numba import types
 
     if isinstance(value, types.NoneType):
-        return lambda value, out, index, column: None
+        return lambda value, out, place, count: None
     if not isinstance(value, types.BaseTuple):
 
-        def store(value, out, index, column):
-            out[index, column] = value
+        def store(value, out, place, count):
+            out[place] = value
 
         return store
     lines, column = [], 0
     for number, item in enumerate(value):
-        lines.append(f"    store(value[{number}], out, index, column + {column})\n")
+        lines.append(f"    store(value[{number}], out, place + {column} * count, count)\n")
         column += _words(item)
-    text = f"def generated(value, out, index, column):\n{''.join(lines)}    return None"
+    text = f"def generated(value, out, place, count):\n{''.join(lines)}    return None"
     return _generated(text, store=_store)
 
 

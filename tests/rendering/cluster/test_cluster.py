@@ -261,7 +261,7 @@ def test_every_effect_goes_along(cluster, name, keys):
 def test_a_render_goes_on_elsewhere(spec, cluster, tmp_path, order, monkeypatch):
     monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
     first, second = (cluster, None) if order.startswith("there") else (None, cluster)
-    path, spp = tmp_path / "a.checkpoint", 300
+    path, spp = tmp_path / "a.checkpoint", 700
 
     def stop(progress):
         if progress.done > 0.3 * progress.wanted:
