@@ -1,4 +1,4 @@
-"""Draw the diagrams of the lecture into docs/lecture: `python docs/make_diagrams.py [NAME ...]`."""
+"""Draw the diagrams of the lecture into docs/lecture/diagrams: `python docs/make_diagrams.py [NAME ...]`."""
 
 import sys
 from pathlib import Path
@@ -14,8 +14,8 @@ DIAGRAMS = {**view.DIAGRAMS, **lens.DIAGRAMS, **light_field.DIAGRAMS}
 
 def main(names: list[str]) -> None:
     """Draw the named diagrams, or all."""
-    folder = ROOT / "docs" / "lecture"
-    folder.mkdir(exist_ok=True)
+    folder = ROOT / "docs" / "lecture" / "diagrams"
+    folder.mkdir(parents=True, exist_ok=True)
     for name in names or DIAGRAMS:
         with style(ON_PAPER):
             (folder / f"{name}.svg").write_bytes(to_svg(DIAGRAMS[name]().figure, title=name.replace("_", " ")))

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "scenes" / "lecture"
 OPTICS = FOLDER.parent / "optics"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.yaml"))
-PAGE = (ROOT / "docs" / "lecture.md").read_text(encoding="utf-8")
+PAGE = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "lecture").glob("*.md")))
 
 STREET = ("dolly_zoom", "focal_lengths", "pinhole", "sensor_sizes")
 """Scenes that share a compiled kernel."""
@@ -58,6 +58,12 @@ def _commands() -> list[Command]:
 def test_the_gallery_shows_every_scene_of_the_lecture_and_the_page_every_sheet() -> None:
     assert sorted(make_gallery.LECTURE) == NAMES
     assert sorted(re.findall(r"gallery/lecture_(\w+)\.jpg", PAGE)) == NAMES
+
+
+def test_pages_show_every_diagram_that_is_drawn() -> None:
+    drawn = _script(ROOT / "docs" / "make_diagrams.py").DIAGRAMS
+    assert sorted(path.stem for path in (ROOT / "docs" / "lecture" / "diagrams").glob("*.svg")) == sorted(drawn)
+    assert sorted(re.findall(r"diagrams/(\w+)\.svg", PAGE)) == sorted(drawn)
 
 
 @pytest.mark.parametrize(
