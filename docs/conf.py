@@ -1,11 +1,22 @@
-"""Settings of the site: `make docs` builds it into outputs/site by Sphinx, from Markdown, without a network."""
+"""Settings of the site, which `make docs` builds from Markdown by Sphinx, without a network."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 project = "rt"
 author = "the rt authors"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton", "sphinx_design"]
-myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_block", "attrs_inline"]
+extensions = ["myst_parser", "sphinx_copybutton", "mathml"]
+exclude_patterns = ["examples"]
+
+myst_enable_extensions = ["colon_fence", "dollarmath"]
+# Sections can be linked to by their headings, as on the pages of a repository.
 myst_heading_anchors = 4
+
+html_math_renderer = "mathml"
+
 html_theme = "furo"
 html_title = "rt"
-exclude_patterns = ["examples"]
-templates_path = []
+html_show_sourcelink = False
+html_copy_source = False
