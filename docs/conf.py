@@ -20,3 +20,6 @@ html_theme = "furo"
 html_title = "rt"
 html_show_sourcelink = False
 html_copy_source = False
+
+# A browser may not read other pages of a folder by script, which summaries of what is found would take.
+html_show_search_summary = False
