@@ -90,8 +90,7 @@ def test_words_are_found(words: str, site: Path, open_page: Any) -> None:
     assert any(wanted in link for link in found), found
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1280, 400])
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])
 def test_pages_fit_the_window(width: int, scheme: str, site: Path, open_page: Any) -> None:
     for name in PAGES:
         page = open_page(site / f"{name}.html", size=(width, 800), color_scheme=scheme)
