@@ -6,55 +6,38 @@ fails at its end if one has.
 
 import os
 import shutil
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
 
 REQUIRED = "RT_REQUIRE_BROWSER"
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
-_ARGUMENTS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
+_SILENT = ("--disable-background-networking", "--disable-component-update", "--disable-sync")
+_ALL = ("--no-sandbox", "--no-first-run", *_SILENT)
 _WIDE = (1280, 800)
 
 # Where all is drawn by a simulated graphics card; without any, Chromium complains of reading WebGL's pictures back.
-WEBGL = (
-    *(argument for argument in _ARGUMENTS if argument != "--disable-gpu"),
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-)
+WEBGL = (*_ALL, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
 class Windows:
     """A browser's windows, which are used again by tests that want the same: a new one takes half a second."""
 
-    def __init__(self, browser: "Browser") -> None:
-        self._browser = browser
-        self._free: dict[str, list[Page]] = {}
+    def __init__(self, browser):
+        self._browser, self._free = browser, {}
 
-    def take(self, settings: dict[str, Any]) -> "Page":
+    def take(self, settings):
         free = self._free.setdefault(repr(settings), [])
         return free.pop() if free else self._browser.new_context(**settings).new_page()
 
-    def give(self, settings: dict[str, Any], page: "Page") -> None:
+    def give(self, settings, page):
         page.goto("about:blank")
         self._free[repr(settings)].append(page)
 
 
 # Not for the whole session: Playwright's event loop would be in the way of all others in the same thread.
 @pytest.fixture(scope="module")
-def chromium(request: pytest.FixtureRequest) -> Iterator[Windows]:
+def chromium(request):
     """A browser for the tests of a module; without one they are skipped, or fail where RT_REQUIRE_BROWSER is set.
 
     A module that names CHROMIUM has a browser with those arguments.
@@ -62,31 +45,32 @@ def chromium(request: pytest.FixtureRequest) -> Iterator[Windows]:
     executable = next(filter(None, map(shutil.which, _NAMES)), None)
     if executable is None:
         why = f"no browser: none of {', '.join(_NAMES)} is installed"
-        if os.environ.get(REQUIRED):
-            pytest.fail(why)
-        pytest.skip(why)
+        (pytest.fail if os.environ.get(REQUIRED) else pytest.skip)(why)
     from playwright.sync_api import sync_playwright
 
+    arguments = list(getattr(request.module, "CHROMIUM", (*_ALL, "--disable-gpu")))
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=executable, args=list(getattr(request.module, "CHROMIUM", _ARGUMENTS))
-        )
+        browser = playwright.chromium.launch(executable_path=executable, args=arguments)
         yield Windows(browser)
         browser.close()
 
 
 @pytest.fixture
-def open_page(chromium: Windows) -> "Iterator[Callable[..., Page]]":
+def open_page(chromium):
     """Open a file, with a #fragment or none, in a window of some size, light or dark (`color_scheme="dark"`)."""
-    taken: list[tuple[dict[str, Any], Page]] = []
-    complaints: list[str] = []
+    taken, complaints = [], []
+
+    def note_request(request):
+        if not request.url.startswith(("file:", "data:", "blob:")):
+            complaints.append(f"request: {request.url}")
+
     heard = {
         "console": lambda message: complaints.append(f"console: {message.type}: {message.text}"),
         "pageerror": lambda error: complaints.append(f"error: {error}"),
-        "request": lambda request: _local(request.url) or complaints.append(f"request: {request.url}"),
+        "request": note_request,
     }
 
-    def opened(path: Path, fragment: str = "", size: tuple[int, int] = _WIDE, **settings: Any) -> "Page":
+    def opened(path, fragment="", size=_WIDE, **settings):
         settings["viewport"] = {"width": size[0], "height": size[1]}
         page = chromium.take(settings)
         taken.append((settings, page))
@@ -102,7 +86,3 @@ def open_page(chromium: Windows) -> "Iterator[Callable[..., Page]]":
             page.remove_listener(event, listener)
         chromium.give(settings, page)
     assert not complaints
-
-
-def _local(url: str) -> bool:
-    return url.startswith(("file:", "data:", "blob:"))

@@ -5,9 +5,7 @@ This works on the mappings of scene files, key by key, and knows nothing of what
 
 import copy
 import json
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import yaml
@@ -19,8 +17,6 @@ from raytracer.kernel.path_tracer import render_tile
 from raytracer.rendering.compilation import compile_scene
 from raytracer.rendering.film_region import empty_film, film_view
 from raytracer.scene.load import build
-from raytracer.scene.pack.scene import PackedScene
-from raytracer.scene.spec import SceneSpec
 
 _POINTS = ("center", "corner", "min", "max", "position", "look_from", "look_at")
 """Keys of places."""
@@ -31,14 +27,14 @@ _LENGTHS = ("radius", "focus_distance", "height", "bump_height", "spacing", "att
 _CAMERA = {"look_from": [0, 0, 0], "look_at": [0, 0, -1]}
 
 
-def document(path: Path) -> dict[str, Any]:
+def document(path):
     """The mapping of a scene file, in which nothing is shared as what anchors name is."""
     found = json.loads(json.dumps(yaml.safe_load(path.read_text())))
     assert isinstance(found, dict)
     return found
 
 
-def checked(found: dict[str, Any], base: Path, **overrides: dict[str, Any]) -> SceneSpec:
+def checked(found, base, **overrides):
     """The checked scene of a mapping; the overrides are merged into its parts, such as `film={"width": 60}`."""
     result = copy.deepcopy(found)
     for part, values in overrides.items():
@@ -46,11 +42,11 @@ def checked(found: dict[str, Any], base: Path, **overrides: dict[str, Any]) -> S
     return build(yaml.safe_dump(result), "moved.yaml", base=base)
 
 
-def _sum(a: Sequence[float], b: Sequence[float]) -> list[float]:
+def _sum(a, b):
     return [float(x) + float(y) for x, y in zip(a, b, strict=True)]
 
 
-def _map_points(item: dict[str, Any], change: Callable[[Sequence[float]], list[float]]) -> None:
+def _map_points(item, change):
     for key in _POINTS:
         if key in item:
             item[key] = change(item[key])
@@ -58,23 +54,23 @@ def _map_points(item: dict[str, Any], change: Callable[[Sequence[float]], list[f
         item["vertices"] = [change(vertex) for vertex in item["vertices"]]
 
 
-def moved(found: dict[str, Any], by: Sequence[float]) -> dict[str, Any]:
+def moved(found, by):
     """The scene with all that is in it moved by a vector (m).
 
     What has no transform is written at its new place; what has one gets a step more.
     """
     result = copy.deepcopy(found)
 
-    def shift(point: Sequence[float]) -> list[float]:
+    def shift(point):
         return _sum(point, by)
 
-    def place(item: dict[str, Any]) -> None:
+    def place(item):
         if "transform" in item or item["type"] in ("mesh", "instance", "scatter", "grid"):
             item["transform"] = [*item.get("transform", []), {"translate": list(map(float, by))}]
         else:
             _map_points(item, shift)
 
-    def carry(item: dict[str, Any]) -> None:
+    def carry(item):
         motion = item.get("motion", {})
         if "spin" in motion:
             motion["spin"]["center"] = shift(motion["spin"].get("center", [0, 0, 0]))
@@ -97,14 +93,14 @@ def moved(found: dict[str, Any], by: Sequence[float]) -> dict[str, Any]:
     return result
 
 
-def scaled(found: dict[str, Any], factor: float) -> dict[str, Any]:
+def scaled(found, factor):
     """The scene with all lengths in it times a factor; radiances, and so the picture, stay as they are."""
     result = copy.deepcopy(found)
 
-    def grow(point: Sequence[float]) -> list[float]:
+    def grow(point):
         return [factor * float(x) for x in point]
 
-    def resize(item: dict[str, Any]) -> None:
+    def resize(item):
         _map_points(item, grow)
         for key in _LENGTHS:
             if key in item:
@@ -140,7 +136,7 @@ class Picture(NamedTuple):
     variance: NDArray[np.float64]
 
 
-def pictured(packed: PackedScene, *, spp: int, seed: int) -> Picture:
+def pictured(packed, *, spp, seed):
     """Render a packed scene, by one thread and with independent samples."""
     width, height = packed.spec.film.width, packed.spec.film.height
     ready = compile_scene(packed.spec, packed)

@@ -8,7 +8,6 @@ import json
 import re
 import sys
 from collections import Counter
-from typing import Any
 
 import numpy as np
 
@@ -78,21 +77,21 @@ SCENES = {
 class _Compiled:
     """The modules of the functions that are compiled, and the LLVM code of the whole."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.modules: Counter[str] = Counter()
         self.code = ""
 
-    def lower_part(self, function: Any, *arguments: Any, **options: Any) -> Any:
+    def lower_part(self, function, *arguments, **options):
         self.modules[function.__module__] += 1
         return lower_part(function, *arguments, **options)
 
-    def link_entry(self, *arguments: Any) -> Any:
+    def link_entry(self, *arguments):
         module = link_entry(*arguments)
         self.code = str(module)
         return module
 
 
-def compiled(name: str) -> dict[str, Any]:
+def compiled(name):
     """Compile the kernel of a scene without a pixel to render, and look into it; "plain+depth" records an AOV."""
     base, _, aov = name.partition("+")
     spec = scene(SCENES[base], filled=False)

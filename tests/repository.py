@@ -1,5 +1,6 @@
 """Where the repository has what tests use."""
 
+import importlib.util
 from pathlib import Path
 
 import pytest
@@ -17,3 +18,11 @@ def need_files_of(name: str) -> None:
     """Skip the test if what the scene of this name is made of has not been made."""
     if name in GENERATED and not (SCENES / "generated" / GENERATED[name]).exists():
         pytest.skip(f"make scenes has not made what {name}.yaml is made of")
+
+
+def script(path):
+    """Load a script of the repository, such as "docs/make_gallery.py", as a module."""
+    spec = importlib.util.spec_from_file_location(Path(path).stem, ROOT / path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -2,7 +2,8 @@
 
 A scene's type is what gets compiled, for about five seconds each, so scenes that need not differ in type are filled up
 to one: the kinds of primitives and materials that a scene lacks come as specks of a nanometre far below everything,
-where no ray of these tests meets them.
+where no ray of these tests meets them.  Where `lit`, an environment and lamps of hardly any light come too: scenes in
+the dark, under a sky and with lamps are of one type then.
 """
 
 from pathlib import Path
@@ -24,38 +25,29 @@ _SPECKS = """
   - {type: triangle, vertices: [[0, -96, 0], [1.0e-9, -96, 0], [0, -96, 1.0e-9]], material: {type: lambertian}}
 """
 
-_HEAD = """
-film: {{width: {width}, height: {height}}}
-render: {{spp: {spp}, max_depth: {max_depth}, rr_depth: {rr_depth}, sampler: {sampler}, accuracy: {accuracy}}}
-"""
+_LAMP = "  - {type: sphere, center: [0, -95, 0], radius: 1.0e-9, material: {type: emitter, radiance: 1.0e-30}}\n"
+
+NIGHT = "environment: {type: constant, radiance: 1.0e-30}\n"
+"""Too little light to be seen in any picture."""
 
 
 def scene_text(
-    text: str,
-    *,
-    width: int = 16,
-    height: int = 16,
-    spp: int = 64,
-    max_depth: int = 50,
-    rr_depth: int = 1000,
-    sampler: str = "independent",
-    accuracy: str = "exact",
-    filled: bool = True,
+    text: str, *, width: int = 16, height: int = 16, filled: bool = True, lit: bool = False, **settings: Any
 ) -> str:
     """A scene file of its `camera`, `environment`, `materials` and, last, its `objects`.
 
     filled : with specks of all kinds, so that it shares its compiled kernel with other scenes.
+    lit : with an environment and lamps, of its own or such as nobody sees, so that it shares it with even more.
+    settings : of `render`; by default of 64 independent samples, exact, and without an end before 50 segments.
     """
-    head = _HEAD.format(
-        width=width,
-        height=height,
-        spp=spp,
-        max_depth=max_depth,
-        rr_depth=rr_depth,
-        sampler=sampler,
-        accuracy=accuracy,
-    )
-    return head + text.rstrip() + (_SPECKS if filled else "\n")
+    chosen = {"spp": 64, "max_depth": 50, "rr_depth": 1000, "sampler": "independent", "accuracy": "exact", **settings}
+    render = ", ".join(f"{key}: {value}" for key, value in chosen.items())
+    head = f"\nfilm: {{width: {width}, height: {height}}}\nrender: {{{render}}}\n"
+    specks = _SPECKS if filled else "\n"
+    if lit:
+        head += "" if "environment:" in text else NIGHT
+        specks = specks.replace("radiance: 0", "radiance: 1.0e-30") + _LAMP
+    return head + text.rstrip() + specks
 
 
 def scene(text: str, *, base: Path | None = None, **settings: Any) -> SceneSpec:

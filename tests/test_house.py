@@ -5,8 +5,6 @@ python -m tests.test_house [FOLDER]     lists what breaks a rule, of a folder's 
 
 import ast
 import sys
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 
@@ -18,125 +16,93 @@ MAX_CODE_LINES = 60
 MAX_PARAMETERS = 8
 
 # Arguments of kernels are scalars in registers; those of commands are their options.
-MANY_PARAMETERS = (
-    "raytracer/core/",
-    "raytracer/kernel/",
-    "raytracer/optics/lens_system/",
-    "raytracer/plugins/",
-    "raytracer/cli/",
-)
+MANY_PARAMETERS = tuple(f"raytracer/{name}/" for name in ("core", "kernel", "optics/lens_system", "plugins", "cli"))
 
 # First words with which a docstring asks a riddle in place of an answer.
 RIDDLES = ("What becomes", "Whether", "Where ", "How ", "That ", "Who ", "Why ")
 
-Function = ast.FunctionDef | ast.AsyncFunctionDef
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
-def _functions(tree: ast.Module) -> Iterator[Function]:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            yield node
+def functions(tree):
+    return (node for node in ast.walk(tree) if isinstance(node, FUNCTIONS))
 
 
-def _code_lines(function: Function, source: list[str]) -> int:
-    """Count the lines of a function's body that hold code: no docstring, no comment, nothing blank."""
-    body = function.body
-    if ast.get_docstring(function) is not None:
-        body = body[1:]
-    if not body:
-        return 0
-    lines = source[body[0].lineno - 1 : body[-1].end_lineno]
-    return sum(1 for line in lines if line.strip() and not line.strip().startswith("#"))
-
-
-def _decorators(function: Function) -> set[str]:
-    return {ast.unparse(node).split("(")[0].split(".")[-1] for node in function.decorator_list}
-
-
-def large_modules(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def large_modules(name, tree, source):
     """Find a module of too many lines."""
     if len(source) > MAX_LINES:
         yield f"{name}: {len(source)} lines"
 
 
-def large_functions(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
-    """Find functions of too many lines of code."""
-    for function in _functions(tree):
-        lines = _code_lines(function, source)
-        if lines > MAX_CODE_LINES:
-            yield f"{name}:{function.lineno}: {function.name} has {lines} lines of code"
+def large_functions(name, tree, source):
+    """Find functions of too many lines that hold code: no docstring, no comment, nothing blank."""
+    for function in functions(tree):
+        body = function.body[ast.get_docstring(function) is not None :]
+        lines = source[body[0].lineno - 1 : body[-1].end_lineno] if body else []
+        count = sum(1 for line in lines if line.strip() and not line.strip().startswith("#"))
+        if count > MAX_CODE_LINES:
+            yield f"{name}:{function.lineno}: {function.name} has {count} lines of code"
 
 
-def many_parameters(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def many_parameters(name, tree, source):
     """Find functions with too many parameters."""
-    if name.startswith(MANY_PARAMETERS):
-        return
-    for function in _functions(tree):
-        arguments = function.args
-        count = len(arguments.posonlyargs + arguments.args + arguments.kwonlyargs)
-        count -= bool(arguments.args) and arguments.args[0].arg in {"self", "cls"}
+    for function in () if name.startswith(MANY_PARAMETERS) else functions(tree):
+        given = function.args
+        count = len(given.posonlyargs + given.args + given.kwonlyargs)
+        count -= bool(given.args) and given.args[0].arg in {"self", "cls"}
         if count > MAX_PARAMETERS:
             yield f"{name}:{function.lineno}: {function.name} has {count} parameters"
 
 
-def nameless_functions(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def nameless_functions(name, tree, source):
     """Find functions that no traceback and no search can name."""
-    for function in _functions(tree):
-        if function.name == "_":
-            yield f"{name}:{function.lineno}: a function is called _"
+    yield from (f"{name}:{each.lineno}: a function is called _" for each in functions(tree) if each.name == "_")
 
 
-def riddles(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def riddles(name, tree, source):
     """Find docstrings that open with a question."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            text = ast.get_docstring(node)
-            if text is not None and text.startswith(RIDDLES):
-                line = getattr(node, "lineno", 1)
-                yield f"{name}:{line}: {text.splitlines()[0]}"
+        text = ast.get_docstring(node) if isinstance(node, (*FUNCTIONS, ast.Module, ast.ClassDef)) else None
+        if text is not None and text.startswith(RIDDLES):
+            yield f"{name}:{getattr(node, 'lineno', 1)}: {text.splitlines()[0]}"
 
 
-def undescribed(name: str, tree: ast.Module, source: list[str]) -> Iterator[str]:
+def undescribed(name, tree, source):
     """Find public functions without a docstring; a case of a generic has that of its generic."""
-    if name.endswith("core/vec.py"):
-        return
-    for node in tree.body:
-        if not isinstance(node, ast.FunctionDef) or node.name.startswith("_") or "register" in _decorators(node):
+    for node in () if name.endswith("core/vec.py") else tree.body:
+        if not isinstance(node, ast.FunctionDef) or node.name.startswith("_") or ast.get_docstring(node):
             continue
-        if ast.get_docstring(node) is None:
+        if not any(ast.unparse(each).split("(")[0].endswith(".register") for each in node.decorator_list):
             yield f"{name}:{node.lineno}: {node.name} has no docstring"
 
 
-RULES: tuple[Callable[[str, ast.Module, list[str]], Iterator[str]], ...] = (
-    large_modules,
-    large_functions,
-    many_parameters,
-    nameless_functions,
-    riddles,
-    undescribed,
-)
+RULES = (large_modules, large_functions, many_parameters, nameless_functions, riddles, undescribed)
+EVERY_RULE = pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
 
 
-def broken(rule: Callable[[str, ast.Module, list[str]], Iterator[str]], folder: Path = PACKAGE) -> list[str]:
-    """List what breaks a rule in the sources of a folder."""
-    found = []
+def sources(folder=PACKAGE):
+    """Names, trees and lines of the modules of a folder."""
     for path in sorted(folder.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
-        found += rule(path.relative_to(ROOT).as_posix(), ast.parse(text), text.splitlines())
-    return found
+        yield path.relative_to(ROOT).as_posix(), ast.parse(text), text.splitlines()
 
 
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
-def test_sources_keep_the_rules(rule: Callable[[str, ast.Module, list[str]], Iterator[str]]) -> None:
-    assert broken(rule) == []
+@pytest.fixture(scope="module")
+def package():
+    return list(sources())
 
 
-def test_only_packages_stand_at_the_top() -> None:
+@EVERY_RULE
+def test_sources_keep_the_rules(rule, package):
+    assert [each for module in package for each in rule(*module)] == []
+
+
+def test_only_packages_stand_at_the_top():
     assert {path.name for path in PACKAGE.iterdir() if path.is_file()} == {"__init__.py", "py.typed"}
 
 
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
-def test_rules_find_what_breaks_them(rule: Callable[[str, ast.Module, list[str]], Iterator[str]]) -> None:
+@EVERY_RULE
+def test_rules_find_what_breaks_them(rule):
     long = "".join(f"    x = {i}\n" for i in range(MAX_LINES))
     parameters = ", ".join(f"a{i}" for i in range(MAX_PARAMETERS + 1))
     source = f'def _({parameters}):\n    """Whether it is."""\n{long}\n\ndef plain():\n    pass\n'
@@ -144,4 +110,5 @@ def test_rules_find_what_breaks_them(rule: Callable[[str, ast.Module, list[str]]
 
 
 if __name__ == "__main__":
-    print(*(line for rule in RULES for line in broken(rule, ROOT / sys.argv[1] if sys.argv[1:] else PACKAGE)), sep="\n")
+    where = ROOT / sys.argv[1] if sys.argv[1:] else PACKAGE
+    print(*(line for module in sources(where) for rule in RULES for line in rule(*module)), sep="\n")

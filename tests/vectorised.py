@@ -3,26 +3,26 @@
     hits = vectorised(intersect)(table, rows(origins), rows(directions), 4.0)
 
 What is wrapped by `rows` is handed over row by row, also within records and tuples; all else as it is.  The result is
-what the kernel returns, with an array in place of each number.
+what the kernel returns, with an array in place of each number, and of a tuple of floats an array with a column for
+each.  Numbers pass through float64: of integers beyond 2^53 the last bits are lost.
 """
 
 import functools
 import hashlib
 import inspect
+import sys
 from collections import namedtuple
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raytracer.core.compiler.declarations import declare_part
 from raytracer.core.compiler.dispatch import entry
 from raytracer.core.sampling import SAMPLERS
 from raytracer.plugins.materials.base.interface import Draws
-
-_WORDS = 256
-"""The most numbers that a kernel may return here."""
 
 
 class Numbers(NamedTuple):
@@ -49,7 +49,8 @@ def rows(values: Any) -> Any:
     Integers and truth values stay what they are; all else is float64.
     """
     array = np.asarray(values)
-    array = np.ascontiguousarray(array, array.dtype if array.dtype.kind in "iub" else np.float64)
+    # A copy: whether an array may be written is part of its type, and each type would be compiled.
+    array = np.array(array, array.dtype if array.dtype.kind in "iub" else np.float64, order="C")
     return Numbers(array) if array.ndim == 1 else {2: Pairs, 3: Triples}[array.shape[1]](array)
 
 
@@ -57,28 +58,45 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
     """Make a kernel a function of Python that takes `rows` among its arguments."""
 
     def call(*arguments: Any) -> Any:
-        count = next(len(values) for values in _all_rows(arguments))
-        out = np.empty((count, _WORDS))
-        example = _fill(_tag(kernel), arguments, out)
-        return _shaped(example, iter(out.T.copy()))
+        (count,) = {len(values) for values in _all_rows(arguments)}
+        # What the first row gives tells how many numbers a row has.
+        example = _fill(_tag(kernel), arguments, _space(0, 0))
+        out = _space(count, sum(1 for _ in _numbers(example)))
+        _fill(_tag(kernel), arguments, out)
+        return _shaped(example, map(np.copy, out.T))
 
     return call
 
 
-def random_draws(count: int, *, seed: int = 0, dimension: int = 8) -> Draws:
+def random_draws(count: int, *, seed: int = 0, dimension: int = 8, sampler: str = "independent") -> Draws:
     """Random numbers for rows: sample after sample of one pixel."""
-    return Draws(SAMPLERS["independent"](seed, 1), np.uint64(0x9E3779B97F4A7C15), rows(np.arange(count)), dimension)
+    chosen = SAMPLERS[sampler](seed, count if sampler != "independent" else 1)
+    return Draws(chosen, np.uint64(0x9E3779B97F4A7C15), rows(np.arange(count)), dimension)
+
+
+def _space(count: int, words: int) -> NDArray[np.float64]:
+    """Make `count` rows for results, with gaps: without, those of one row or column would be of another type."""
+    return np.empty((max(words, 2), count + 1)).T[:count]
+
+
+def _numbers(example: Any) -> Iterator[Any]:
+    """The numbers in nested tuples."""
+    if isinstance(example, tuple):
+        for item in example:
+            yield from _numbers(item)
+    elif example is not None:
+        yield example
 
 
 @entry
 def _fill(tag, arguments, out):
     for index in range(len(out)):
-        result = _apply(tag, arguments, index)
-        _store(result, out, index, 0)
+        _store(_apply(tag, arguments, index), out, index, 0)
     return _apply(tag, arguments, 0)
 
 
 def _all_rows(arguments: Any) -> Iterator[Any]:
+    """The arrays that are wrapped, at any depth."""
     for argument in arguments if isinstance(arguments, tuple) else ():
         if isinstance(argument, Numbers | Pairs | Triples):
             yield argument.values
@@ -87,7 +105,7 @@ def _all_rows(arguments: Any) -> Iterator[Any]:
 
 
 def _shaped(example: Any, columns: Iterator[Any]) -> Any:
-    """Put columns of results into the shape of one of them."""
+    """Put columns of results into the shape of one result."""
     if example is None:
         return None
     if not isinstance(example, tuple):
@@ -107,11 +125,22 @@ _kernels: dict[type, Callable[..., Any]] = {}
 def _tag(kernel: Callable[..., Any]) -> Any:
     """Make an empty record whose class stands for a kernel: its name is part of the key of what is on disk."""
     function = inspect.unwrap(kernel)
-    source = hashlib.sha256(Path(function.__code__.co_filename).read_bytes()).hexdigest()[:16]
+    files = (Path(sys.modules[name].__file__ or "").read_bytes() for name in sorted(_sources(function.__module__)))
+    source = hashlib.sha256(b"\0".join(files)).hexdigest()[:16]
     tag = namedtuple("Kernel", ())
     tag.__qualname__ = f"{function.__module__}:{function.__qualname__}:{source}"
     _kernels[tag] = kernel
     return tag()
+
+
+def _sources(module: str, *known: str) -> set[str]:
+    """The names of a module, and of the tests' modules from which it has anything (keys know the package's)."""
+    names = {module}
+    for value in vars(sys.modules[module]).values():
+        other = getattr(value, "__module__", None) or ""
+        if other.startswith("tests.") and other not in (*known, *names):
+            names |= _sources(other, *known, *names)
+    return names
 
 
 def _generated(text: str, **names: Any) -> Callable[..., Any]:
@@ -120,16 +149,31 @@ def _generated(text: str, **names: Any) -> Callable[..., Any]:
     return names["generated"]  # type: ignore[no-any-return]
 
 
+# Under NUMBA_DISABLE_JIT these run as they are; otherwise what the functions below make in their place, by types.
+
+
 def _apply(tag, arguments, index):
-    raise NotImplementedError
+    return _kernels[type(tag)](*(_row(argument, index) for argument in arguments))
 
 
 def _row(argument, index):
-    raise NotImplementedError
+    if isinstance(argument, Numbers):
+        return argument.values[index]
+    if isinstance(argument, Pairs | Triples):
+        return tuple(argument.values[index])
+    if next(_all_rows((argument,)), None) is None:
+        return argument
+    items = (_row(item, index) for item in argument)
+    return tuple(items) if type(argument) is tuple else type(argument)(*items)
 
 
 def _store(value, out, index, column):
-    raise NotImplementedError
+    if not isinstance(value, tuple):
+        out[index, column] = np.nan if value is None else value
+        return column + (value is not None)
+    for item in value:
+        column = _store(item, out, index, column)
+    return column
 
 
 def _choose_apply(tag: Any, arguments: Any, index: Any) -> Callable[..., Any]:
@@ -145,11 +189,7 @@ def _choose_row(argument: Any, index: Any) -> Callable[..., Any]:
     if cls is Pairs:
         return lambda argument, index: (argument.values[index, 0], argument.values[index, 1])
     if cls is Triples:
-        return lambda argument, index: (
-            argument.values[index, 0],
-            argument.values[index, 1],
-            argument.values[index, 2],
-        )
+        return lambda argument, index: (argument.values[index, 0], argument.values[index, 1], argument.values[index, 2])
     if not _has_rows(argument):
         return lambda argument, index: argument
     items = ", ".join(f"row(argument[{number}], index)" for number in range(len(argument)))
@@ -158,6 +198,7 @@ def _choose_row(argument: Any, index: Any) -> Callable[..., Any]:
 
 
 def _has_rows(kind: Any) -> bool:
+    """Tell if arguments of a type hold rows, as `_all_rows` finds them in values."""
     from numba import types
 
     if getattr(kind, "instance_class", None) in (Numbers, Pairs, Triples):
@@ -166,6 +207,7 @@ def _has_rows(kind: Any) -> bool:
 
 
 def _words(kind: Any) -> int:
+    """How many numbers results of a type hold, as `_numbers` finds them in values."""
     from numba import types
 
     if isinstance(kind, types.BaseTuple):

@@ -3,18 +3,15 @@
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from raytracer.analysis.probe import ProbeResult, probe, probe_sphere
+from raytracer.analysis.probe import probe, probe_sphere
 from raytracer.cli.base.app import main
 from raytracer.core.spectra import response, spectrum_of
 from raytracer.optics.glass import CATALOGUE
 from raytracer.scene.load import build
-from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 
 HORIZON, ZENITH = (1.0, 0.9, 0.6), (0.2, 0.4, 1.0)
@@ -50,38 +47,32 @@ objects:
 BLUE, RED, ANGLE = 450.0, 650.0, math.radians(60.0)
 
 
-def room() -> SceneSpec:
+def room():
     return build(ROOM, "room.yaml")
 
 
-def gradient(direction: Any) -> NDArray[np.float64]:
+def gradient(direction):
     a = 0.5 * (np.asarray(direction)[..., 1:2] / np.linalg.norm(direction, axis=-1, keepdims=True) + 1.0)
     return (1.0 - a) * np.array(HORIZON) + a * np.array(ZENITH)
 
 
 @pytest.fixture(scope="module")
-def spec() -> SceneSpec:
+def spec():
     return room()
 
 
-def measured(spec: SceneSpec, **keys: Any) -> ProbeResult:
+def measured(spec, **keys):
     return probe(spec, (0.0, 0.0, 5.0), **{"spp": 64, **keys})
 
 
-def test_a_direction_sees_the_environment_in_it(spec: SceneSpec) -> None:
+def test_a_direction_sees_the_environment_in_it(spec):
     found = measured(spec, direction=(3.0, 4.0, 12.0))
     np.testing.assert_allclose(found.radiance, gradient((3.0, 4.0, 12.0)), rtol=1e-14)
     np.testing.assert_allclose(found.towards, np.array([3.0, 4.0, 12.0]) / 13.0, rtol=1e-15)
     np.testing.assert_allclose(found.standard_error, 0.0, atol=1e-15)
 
 
-@pytest.mark.parametrize("direction", [(0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (1e-9, 1.0, 0.0)])
-def test_every_direction_can_be_looked_in(spec: SceneSpec, direction: tuple[float, ...]) -> None:
-    found = probe(spec, (0.0, 5.0, 0.0) if direction[1] > 0 else (30.0, 5.0, 0.0), direction=direction, spp=64)
-    np.testing.assert_allclose(found.radiance, gradient(direction)[...], rtol=1e-12)
-
-
-def test_a_lamp_that_flies_is_there_while_it_passes(spec: SceneSpec) -> None:
+def test_a_lamp_that_flies_is_there_while_it_passes(spec):
     """It is a metre wide and does 4 m/s, so it covers the axis until 0.125 s."""
     for time, radiance in ((0.0, (3.0, 2.0, 1.0)), (0.12, (3.0, 2.0, 1.0)), (0.13, gradient((0, 0, -1)))):
         found = measured(spec, toward=(0.0, 0.0, 0.0), time=time)
@@ -90,16 +81,7 @@ def test_a_lamp_that_flies_is_there_while_it_passes(spec: SceneSpec) -> None:
     assert measured(spec, toward=(0.0, 0.0, 0.0)).time == 0.25, "the shutter of the scene opens then"
 
 
-def test_a_point_on_the_way_and_a_direction_are_the_same(spec: SceneSpec) -> None:
-    one, other = (
-        measured(spec, toward=(0.0, -5.0, 0.0), spp=4096),
-        measured(spec, direction=(0.0, -1.0, -1.0), spp=4096),
-    )
-    np.testing.assert_allclose(one.radiance, other.radiance, rtol=1e-12)
-    assert one.samples == 4096
-
-
-def test_the_standard_error_is_that_of_repetitions(spec: SceneSpec) -> None:
+def test_the_standard_error_is_that_of_repetitions(spec):
     """Of 50 repetitions the deviation itself is known to 1 / sqrt(98), 10 %: three times that is allowed."""
     found = [measured(spec, toward=(0.3, -4.5, 0.0), spp=1024, seed=seed) for seed in range(50)]
     spread = np.std([one.radiance for one in found], axis=0, ddof=1)
@@ -108,7 +90,7 @@ def test_the_standard_error_is_that_of_repetitions(spec: SceneSpec) -> None:
     np.testing.assert_allclose(claimed, spread, rtol=0.3)
 
 
-def test_the_spectral_radiance_of_a_colour_is_its_spectrum(spec: SceneSpec) -> None:
+def test_the_spectral_radiance_of_a_colour_is_its_spectrum(spec):
     """And its integral against what the camera records of each wavelength is the colour."""
     colour = measured(spec, toward=(0.0, 0.0, 0.0), time=0.0).radiance
     waves = np.linspace(380.0, 780.0, 9)
@@ -121,7 +103,7 @@ def test_the_spectral_radiance_of_a_colour_is_its_spectrum(spec: SceneSpec) -> N
 
 
 @pytest.mark.slow
-def test_glass_that_disperses_shows_each_wavelength_its_own_place() -> None:
+def test_glass_that_disperses_shows_each_wavelength_its_own_place():
     """Snell's law by wavelength, and Fresnel's for how much comes through."""
     glass = CATALOGUE["N-SF11"]
     n = {wave: float(glass.ior(wave)) for wave in (BLUE, RED)}
@@ -142,7 +124,7 @@ def test_glass_that_disperses_shows_each_wavelength_its_own_place() -> None:
 
 
 @pytest.mark.slow
-def test_all_directions_as_a_picture(spec: SceneSpec) -> None:
+def test_all_directions_as_a_picture(spec):
     width, height = 32, 16
     image = probe_sphere(spec, (0.0, 0.0, 40.0), toward=(0.0, 0.0, 80.0), width=width, spp=4).image.radiance
     assert image.shape == (height, width, 3)
@@ -154,9 +136,7 @@ def test_all_directions_as_a_picture(spec: SceneSpec) -> None:
     np.testing.assert_allclose(image[:, 8:24].mean(axis=1), expected, rtol=0.02)
 
 
-def test_the_command_prints_what_python_finds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_prints_what_python_finds(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("room.yaml").write_text(ROOM)
     ray = ["probe", "room.yaml", "--at", "0,0,5", "--toward", "0,0,0", "--time", "0", "--spp", "64", "-q"]
@@ -190,13 +170,7 @@ def test_the_command_prints_what_python_finds(
         (["--at", "1,2,3", "--toward", "0,0,0", "--time", "soon"], "--time soon: must be a time"),
     ],
 )
-def test_what_cannot_be_probed_is_told_in_a_sentence(
-    words: list[str],
-    sentence: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_what_cannot_be_probed_is_told_in_a_sentence(words, sentence, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("room.yaml").write_text(ROOM)
     assert main(["probe", "room.yaml", *words]) == 2
@@ -208,7 +182,30 @@ def test_what_cannot_be_probed_is_told_in_a_sentence(
     assert not list(tmp_path.glob("a.*"))
 
 
-def test_python_refuses_what_is_no_ray(spec: SceneSpec) -> None:
+def test_an_interrupted_probe_tells_nothing(spec):
+    def interrupt(progress):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, -1.0), spp=2**24, progress=interrupt)
+
+
+@pytest.mark.parametrize("direction", [(0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (1e-9, 1.0, 0.0)])
+def test_every_direction_can_be_looked_in(spec, direction):
+    found = probe(spec, (0.0, 5.0, 0.0) if direction[1] > 0 else (30.0, 5.0, 0.0), direction=direction, spp=64)
+    np.testing.assert_allclose(found.radiance, gradient(direction)[...], rtol=1e-12)
+
+
+def test_a_point_on_the_way_and_a_direction_are_the_same(spec):
+    one, other = (
+        measured(spec, toward=(0.0, -5.0, 0.0), spp=4096),
+        measured(spec, direction=(0.0, -1.0, -1.0), spp=4096),
+    )
+    np.testing.assert_allclose(one.radiance, other.radiance, rtol=1e-12)
+    assert one.samples == 4096
+
+
+def test_python_refuses_what_is_no_ray(spec):
     with pytest.raises(InputError, match="either a point to look toward, or a direction"):
         probe(spec, (0.0, 0.0, 5.0))
     with pytest.raises(InputError, match="spp must be an integer"):
@@ -216,12 +213,4 @@ def test_python_refuses_what_is_no_ray(spec: SceneSpec) -> None:
     with pytest.raises(InputError, match="at must be three numbers"):
         probe(spec, (0.0, 0.0), direction=(0.0, 0.0, 1.0))
     with pytest.raises(InputError, match="toward must be three numbers, got 'lamp'"):
-        probe(spec, (0.0, 0.0, 5.0), toward="lamp")  # type: ignore[arg-type]
-
-
-def test_an_interrupted_probe_tells_nothing(spec: SceneSpec) -> None:
-    def interrupt(progress: object) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, -1.0), spp=2**24, progress=interrupt)
+        probe(spec, (0.0, 0.0, 5.0), toward="lamp")

@@ -8,13 +8,12 @@ is measured, without any threshold: a disc of the diameter C has the moment <x^2
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.rendering.render import render
-from raytracer.rendering.session import Rendered
 from tests.small_scenes import scene
 
 Array = NDArray[np.float64]
@@ -23,7 +22,7 @@ LOOK = "look_from: [0, 0, 0], look_at: [0, 0, -1]"
 """A camera at the origin that looks along -z, so that depths are distances along -z."""
 
 
-def shot(camera: str, rest: str, *, crop: tuple[int, int, int, int] | None = None, **settings: Any) -> Rendered:
+def shot(camera, rest, *, crop=None, **settings):
     """A scene as this camera sees it, with camera rays only, rendered with Sobol's numbers by two threads.
 
     camera : keys besides where it stands, which is `LOOK`.
@@ -35,12 +34,12 @@ def shot(camera: str, rest: str, *, crop: tuple[int, int, int, int] | None = Non
     return result
 
 
-def pixels(camera: str, rest: str, **settings: Any) -> Array:
+def pixels(camera, rest, **settings):
     """The green of such a picture, (height, width); what shines here is white."""
     return np.asarray(shot(camera, rest, **settings).image.radiance[..., 1])
 
 
-def spot(x: float, y: float, depth: float, radius: float, more: str = "") -> str:
+def spot(x, y, depth, radius, more=""):
     """A disc of radiance 1 that faces the camera at a depth along its axis, as the objects of a scene (m)."""
     return (
         f"objects:\n  - {{type: disc, center: [{x!r}, {y!r}, {-depth!r}], normal: [0, 0, 1], radius: {radius!r}, "
@@ -58,7 +57,7 @@ class Moments(NamedTuple):
     variance_y: float
 
 
-def moments(picture: Array) -> Moments:
+def moments(picture):
     """Moments of a picture (height, width), each pixel's content taken to be in its middle."""
     rows, columns = np.mgrid[0 : picture.shape[0], 0 : picture.shape[1]] + 0.5
     total = picture.sum()
@@ -72,7 +71,7 @@ def moments(picture: Array) -> Moments:
     )
 
 
-def blur_px(picture: Array, radius: float) -> float:
+def blur_px(picture, radius):
     """Diameter (px) of the circle of confusion in the picture of a spot, whose own image has this radius (px)."""
     found = moments(picture)
     # What is cut off at the edge of the film would be missing in the moments.

@@ -11,7 +11,7 @@ import math
 
 import pytest
 
-from tests.camera_truths.measure import Array, Moments, moments, pixels, spot
+from tests.camera_truths.measure import moments, pixels, spot
 
 ROWS, VFOV, DEPTH, SPEED = 1080, 40.0, 10.0, 3.0
 PIXEL = 2.0 * math.tan(math.radians(VFOV / 2.0)) / ROWS * DEPTH
@@ -24,7 +24,7 @@ TRAIL_PIXEL = 2.0 * math.tan(math.radians(TRAIL_VFOV / 2.0)) / 48.0 * DEPTH
 """The same, in pictures of 48 rows, narrow enough for cos^4 of the angle to the axis to be 1 within 0.2 %."""
 
 
-def streak(shutter: str, *, velocity: str = f"[{SPEED}, 0, 0]", x: float = 0.0, crop_px: int = 48) -> Moments:
+def streak(shutter, *, velocity=f"[{SPEED}, 0, 0]", x=0.0, crop_px=48):
     """Moments (px, from the middle of the film) of the picture of a point that moves."""
     left = 960 - crop_px // 2
     picture = pixels(
@@ -39,12 +39,12 @@ def streak(shutter: str, *, velocity: str = f"[{SPEED}, 0, 0]", x: float = 0.0, 
     return found._replace(x=found.x - crop_px / 2, y=found.y - crop_px / 2)
 
 
-def length(found: Moments) -> float:
+def length(found):
     """Length (px) of a streak along x."""
     return math.sqrt(12.0 * (found.variance_x - found.variance_y))
 
 
-def test_the_streak_of_the_worked_number() -> None:
+def test_the_streak_of_the_worked_number():
     # Camera truths: (rows / 2 tan(vfov / 2)) v dt / z: 1080 rows, 40 deg, 3 m/s, 10 m, 1/60 s: 7.418 px.
     found = streak("1/60 s")
     assert length(found) == pytest.approx(7.418, abs=0.2)
@@ -53,7 +53,7 @@ def test_the_streak_of_the_worked_number() -> None:
     assert found.y == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_streak_is_as_long_as_the_shutter_is_open() -> None:
+def test_a_streak_is_as_long_as_the_shutter_is_open():
     for number in (240, 120, 60, 30, 15):
         way = 7.418 * 60.0 / number
         found = streak(f"1/{number} s", x=-0.5 * way * PIXEL)
@@ -65,20 +65,20 @@ def test_a_streak_is_as_long_as_the_shutter_is_open() -> None:
     assert late.x == pytest.approx(0.0, abs=0.2)
 
 
-def test_what_moves_towards_the_camera_leaves_no_streak_on_the_axis() -> None:
+def test_what_moves_towards_the_camera_leaves_no_streak_on_the_axis():
     found = streak("1/60 s", velocity=f"[0, 0, {SPEED}]")
     assert found.variance_x == pytest.approx(found.variance_y, rel=0.05)
     # The spot grows by 1 / (1 - 0.005) in that time: its variance without the pixel's is a^2 / 4.
     assert found.variance_x - 1.0 / 12.0 == pytest.approx(SPOT_PX**2 / 4.0, rel=0.05)
 
 
-def test_the_energy_of_a_light_trail_grows_with_the_time_and_its_brightness_does_not() -> None:
+def test_the_energy_of_a_light_trail_grows_with_the_time_and_its_brightness_does_not():
     """A lamp that flies draws a trail as long as the exposure; each place of it is lit for as long as the lamp passes.
 
     Exposed, as against a mean over the time: what rests is brighter in proportion to the time.
     """
 
-    def trail(seconds: float, velocity: float) -> Array:
+    def trail(seconds, velocity):
         way = velocity * seconds
         return pixels(
             f"type: pinhole, sensor: full_frame, sensor_fit: vertical, vfov: {TRAIL_VFOV}, f_number: 8, "
@@ -106,7 +106,7 @@ def test_the_energy_of_a_light_trail_grows_with_the_time_and_its_brightness_does
 # ---- Rolling shutter
 
 
-def test_the_skew_of_the_worked_number() -> None:
+def test_the_skew_of_the_worked_number():
     """Camera truths: 1920 px/s, 1/60 s, 1080 rows: 32 px, 1.697 deg.
 
     A bar of 8 pixels' width, found in rows at the top and at the bottom: by 8 x 64 samples in each of 8 rows its middle
@@ -114,7 +114,7 @@ def test_the_skew_of_the_worked_number() -> None:
     """
     velocity = 1920.0 * PIXEL
 
-    def middle(top: int) -> float:
+    def middle(top):
         picture = pixels(
             f"type: pinhole, vfov: {VFOV}, shutter: {{duration: 1 us, readout: 1/60 s, direction: down}}",
             f"objects:\n  - {{type: quad, corner: [{-4.0 * PIXEL!r}, -9, -10], "

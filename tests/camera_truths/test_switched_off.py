@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from raytracer.rendering.render import render
-from raytracer.rendering.session import Rendered
 from raytracer.scene.pack.scene import pack
-from raytracer.scene.spec import SceneSpec
-from tests.kernel.test_specialisation import Kernels, kernels, probe
+from tests.kernel.test_specialisation import kernels, probe
 from tests.small_scenes import scene
 
 __all__ = ["kernels"]
@@ -68,10 +66,7 @@ IN_NO_TIME = {
     "moving, without a shutter": (ANGLE, FLYING),
     "moving, in a shutter of length 0": (f"{ANGLE}, shutter: 0", FLYING),
     "moving, in one that closes when it opens": (f"{ANGLE}, shutter: {{open: 0, close: 0}}", FLYING),
-    "moving, in a trapezoid of length 0": (
-        f"{ANGLE}, shutter: {{duration: 0, opening: trapezoid, ramp: 0}}",
-        FLYING,
-    ),
+    "moving, in a trapezoid of length 0": (f"{ANGLE}, shutter: {{duration: 0, opening: trapezoid, ramp: 0}}", FLYING),
     "held, in a shutter": (f"{ANGLE}, shutter: 1", HELD),
     "a camera that is held": (f"{ANGLE}, shutter: 1, motion: {{velocity: [0, 0, 0]}}", STILL),
     "a camera that moves in no time": (f"{ANGLE}, shutter: 0, motion: {{velocity: [1, 0, 0]}}", STILL),
@@ -82,27 +77,26 @@ PAIRS = {name: (off, STILL, plain) for name, (off, plain) in OFF.items()} | {
 }
 
 
-def spec_of(camera: str, rest: str) -> SceneSpec:
-    return scene(
-        f"camera: {{{LOOK}, {camera}}}\n{rest}", width=24, height=16, spp=8, max_depth=4, sampler="sobol", filled=False
-    )
+def spec_of(camera, rest=STILL):
+    settings = {"width": 24, "height": 16, "spp": 8, "max_depth": 4, "sampler": "sobol", "filled": False}
+    return scene(f"camera: {{{LOOK}, {camera}}}\n{rest}", **settings)
 
 
-def picture_of(camera: str, rest: str) -> Rendered:
-    return render(spec_of(camera, rest), threads=2)
+def packed(camera, rest=STILL):
+    return pack(spec_of(camera, rest)).scene
 
 
 @pytest.fixture(scope="module")
-def plain() -> dict[str, Rendered]:
+def plain():
     """Pictures of the cameras without what is switched off."""
-    return {camera: picture_of(camera, STILL) for camera in {plain for *_, plain in PAIRS.values()}}
+    return {camera: render(spec_of(camera), threads=2) for camera in {never for *_, never in PAIRS.values()}}
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_what_is_switched_off_leaves_bits_rays_and_type_as_they_are(name: str, plain: dict[str, Rendered]) -> None:
+def test_what_is_switched_off_leaves_bits_rays_and_type_as_they_are(name, plain):
     off, rest, never = PAIRS[name]
-    assert numba.typeof(pack(spec_of(off, rest)).scene) == numba.typeof(pack(spec_of(never, STILL)).scene)
-    found, expected = picture_of(off, rest), plain[never]
+    assert numba.typeof(packed(off, rest)) == numba.typeof(packed(never))
+    found, expected = render(spec_of(off, rest), threads=2), plain[never]
     np.testing.assert_array_equal(found.image.radiance, expected.image.radiance)
     np.testing.assert_array_equal(found.image.variance, expected.image.variance)
     assert found.stats.rays == expected.stats.rays > 24 * 16 * 8
@@ -120,17 +114,17 @@ def test_what_is_switched_off_leaves_bits_rays_and_type_as_they_are(name: str, p
         (f"{ANGLE}, shutter: {{duration: 0, readout: 1/30 s}}", FLYING),
     ],
 )
-def test_what_is_switched_on_is_there(on: str, rest: str) -> None:
+def test_what_is_switched_on_is_there(on, rest):
     """So that the equalities above are not for want of what they would miss."""
-    assert numba.typeof(pack(spec_of(on, rest)).scene) != numba.typeof(pack(spec_of(ANGLE, STILL)).scene)
+    assert numba.typeof(packed(on, rest)) != numba.typeof(packed(ANGLE))
 
 
-def test_exposure_without_noise_and_with_it_is_one_kernel() -> None:
+def test_exposure_without_noise_and_with_it_is_one_kernel():
     # What the sensor does to light is done to the picture, not to rays.
     lens = f"{LENS}, f_number: 2, shutter: 1/125 s"
     noisy = lens.replace("sensor: full_frame", "sensor: {format: full_frame, noise: true, bit_depth: 12}")
     types = {
-        numba.typeof(pack(spec_of(keys, STILL)).scene)
+        numba.typeof(packed(keys))
         for keys in (
             f"{lens}, iso: 100",
             f"{lens}, iso: 6400, exposure_compensation: -2",
@@ -140,12 +134,10 @@ def test_exposure_without_noise_and_with_it_is_one_kernel() -> None:
     }
     assert len(types) == 1
     # Nor does metering, where there is no aperture whose light could be weighed.
-    assert numba.typeof(pack(spec_of(f"{ANGLE}, exposure: auto", STILL)).scene) == numba.typeof(
-        pack(spec_of(ANGLE, STILL)).scene
-    )
+    assert numba.typeof(packed(f"{ANGLE}, exposure: auto")) == numba.typeof(packed(ANGLE))
 
 
-def test_the_second_kernel_is_the_first(kernels: Kernels) -> None:
+def test_the_second_kernel_is_the_first(kernels):
     assert kernels["plain"]["compiled"] > 10
     assert kernels["plain"]["cache_misses"] == 1
     off = probe(kernels.cache, "off")["off"]

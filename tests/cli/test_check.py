@@ -2,207 +2,78 @@
 
 import json
 import re
-from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from raytracer.analysis.regression import check
 from raytracer.analysis.regression.reference_file import load_reference
-from raytracer.cli.base.app import main
-from raytracer.rendering.render import render
 from tests.analysis.regression.made_up import SCENE, MadeUp
-from tests.small_scenes import scene_text
-
-LIT = scene_text(
-    """
-camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
-environment: {type: constant, radiance: 1}
-objects:
-  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: [0.8, 0.5, 0.3]}}
-  - {type: quad, corner: [-2, -1.2, -3], edges: [[4, 0, 0], [0, 2, 2]], material: {type: lambertian, albedo: 0.5}}
-""",
-    width=48,
-    height=40,
-)
 
 
 @pytest.fixture
-def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder to work in."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
-def renders(monkeypatch: pytest.MonkeyPatch) -> MadeUp:
+def renders(monkeypatch):
     return MadeUp().install(monkeypatch)
 
 
-def one_tile(picture: np.ndarray) -> np.ndarray:
-    picture = picture.copy()
-    picture[16:32, 16:32] *= 0.95
-    return picture
-
-
-FAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "1 % brighter": lambda picture: 1.01 * picture,
-    "shifted by a pixel": lambda picture: np.roll(picture, 1, axis=0),
-    "two channels swapped": lambda picture: picture[..., [0, 2, 1]],
-    "one wrong tile": one_tile,
-}
-
-
-def test_planted_faults_are_found(
-    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (project / "ball.yaml").write_text(LIT, encoding="utf-8")
-    assert main(["reference", "ball.yaml", "--threads", "2", "--spp", "2048"]) == 0
-    assert main(["check", "references", "--threads", "2"]) == 0
-    assert re.match(
-        r"ball: passed: no difference beyond .* \(256 spp, which find 0\.\d+ % more or less light, and .* px\)",
-        capsys.readouterr().out,
-    )
-    assert not (project / "outputs").exists()
-
-    # As a program would render it that is wrong.
-    for number, change in enumerate(FAULTS.values()):
-
-        def wrong(*given: Any, change: Any = change, **settings: Any) -> Any:
-            rendered = render(*given, **settings)
-            image = replace(
-                rendered.image, radiance=change(rendered.image.radiance), variance=change(rendered.image.variance)
-            )
-            return rendered._replace(image=image)
-
-        monkeypatch.setattr(check, "render", wrong)
-        assert main(["check", "references", "--threads", "2", "--seed", str(number)]) == 1
-        assert capsys.readouterr().out.startswith("ball: FAILED: ")
-        assert (project / "outputs" / "check.html").exists()
-
-
-def test_a_reference_knows_how_it_was_rendered(project: Path, renders: MadeUp) -> None:
-    (project / "scenes").mkdir()
-    (project / "scenes" / "ball.yaml").write_text(SCENE, encoding="utf-8")
-    arguments = ["scenes/ball.yaml", "-o", "tests/kept", "-D", "camera.vfov=30", "--name", "near", "--width", "24"]
-    assert main(["reference", *arguments, "--spp", "500", "--seed", "3"]) == 0
-    recipe = load_reference(project / "tests" / "kept" / "near.npz").recipe
-    assert recipe.scene == "../../scenes/ball.yaml"
-    assert recipe.overrides == {
-        "camera.vfov": 30,
-        "film.width": 24,
-        "film.height": 16,
-        "render.sampler": "independent",
-    }
-    assert (recipe.spp, recipe.seed) == (500, 3)
-
-
-def test_a_reference_is_rendered_anew_as_it_was(
-    project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (project / "ball.yaml").write_text(SCENE, encoding="utf-8")
-    assert main(["reference", "ball.yaml", "--width", "24", "--spp", "500", "--seed", "3"]) == 0
-    path = project / "references" / "ball.npz"
+def test_a_reference_knows_how_it_was_rendered_and_is_rendered_anew_so(here, renders, rt):
+    (here / "scenes").mkdir()
+    (here / "scenes" / "ball.yaml").write_text(SCENE, encoding="utf-8")
+    arguments = "-o tests/kept -D camera.vfov=30 --name near --width 24 --spp 500 --seed 3"
+    rt(f"reference scenes/ball.yaml {arguments}")
+    path = here / "tests" / "kept" / "near.npz"
     before = load_reference(path)
+    assert before.recipe.scene == "../../scenes/ball.yaml"
+    film = {"film.width": 24, "film.height": 16}
+    assert before.recipe.overrides == {"camera.vfov": 30, **film, "render.sampler": "independent"}
+    assert (before.recipe.spp, before.recipe.seed) == (500, 3)
+
     renders.change = lambda picture: 1.1 * picture
-    capsys.readouterr()
-    assert main(["reference", "references/ball.npz"]) == 0
-    assert "; what it replaces: the mean of" in capsys.readouterr().err
+    assert "; what it replaces: the mean of" in rt("reference tests/kept/near.npz").err
     after = load_reference(path)
     assert after.recipe == before.recipe
     np.testing.assert_allclose(after.mean, 1.1 * before.mean, rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["none.yaml"], "none.yaml: no such file"),
-        (["ball.yaml", "ball.yaml"], "ball.yaml: references/ball.npz is another scene's already; --name names"),
-        (["ball.yaml", "other.yaml", "--name", "a"], "--name a: is for one scene, and there are 2"),
-        (["ball.yaml", "--name", "a/b"], "--name a/b: is a name, not a path; -o names the folder"),
-        (["ball.yaml", "--width", "200", "-D", "film.width=300"], "200 pixels wide is too large"),
-        (["ball.yaml", "--spp", "8"], "a reference takes at least 16 samples per pixel"),
-        (["ball.yaml", "-o", "ball.yaml"], "ball.yaml is not a folder"),
-        (["ball.yaml", "-D", "camera.vfof=3"], "did you mean 'vfov'?"),
-        (["none.npz"], "none.npz: no such file"),
-        (["broken.npz"], "broken.npz: broken, or not a reference image"),
-        (["broken.npz", "--width", "3"], "--width: broken.npz is a reference, which is rendered anew as it was"),
-    ],
-)
-def test_what_no_reference_is_rendered_of(
-    arguments: list[str], sentence: str, project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for name in ("ball", "other"):
-        (project / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
-    (project / "broken.npz").write_bytes(b"text")
-    assert main(["reference", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert sentence in error
-    assert error.count("\n") == 1
-    assert not (project / "references").exists()
+@pytest.fixture
+def referenced(here, renders, rt):
+    """Scenes with their references."""
+    for name in ("ball", "cube"):
+        (here / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
+    assert rt("reference ball.yaml cube.yaml --quiet").err == ""
 
 
-def test_every_reference_gets_its_line_and_the_worst_is_the_status(
-    project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for name in ("ball", "cube", "disc"):
-        (project / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
-    assert main(["reference", "ball.yaml", "cube.yaml", "disc.yaml", "--quiet"]) == 0
-    assert capsys.readouterr().err == ""
-
-    assert main(["check", "references", "cube", "ball"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.partition(":")[0] for line in lines] == ["ball", "cube"]
+def test_every_reference_gets_its_line_and_the_worst_is_the_status(referenced, here, renders, rt):
+    ball, cube = rt("check references cube ball").out.splitlines()
+    passed = r"ball: passed: no difference beyond .* \(\d+ spp, which find \d+\.\d+ % more or less light, and .* px\)"
+    assert re.match(passed, ball)
+    assert cube.startswith("cube: passed")
+    assert not (here / "outputs").exists()
 
     renders.change = lambda picture: 1.1 * picture
-    (project / "cube.yaml").unlink()
-    assert main(["check", "references", "cube"]) == 2
-    assert not (project / "outputs").exists()
-    capsys.readouterr()
-    assert main(["check", "references", "--json"]) == 2
-    captured = capsys.readouterr()
+    (here / "cube.yaml").unlink()
+    rt("check references cube", status=2)
+    assert not (here / "outputs").exists()
+    captured = rt("check references --json", status=2)
     found = {item["name"]: item for item in json.loads(captured.out)}
-    assert {name: item["verdict"] for name, item in found.items()} == {
-        "ball": "failed",
-        "cube": "error",
-        "disc": "failed",
-    }
+    assert {name: item["verdict"] for name, item in found.items()} == {"ball": "failed", "cube": "error"}
     assert found["cube"]["reason"] == "cube.yaml: no such file"
     assert found["ball"]["p"]["means"] < 1e-10
     assert "outputs/check.html shows what has failed" in captured.err
 
 
-def test_a_page_is_written_where_it_is_asked_for(
-    project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (project / "ball.yaml").write_text(SCENE, encoding="utf-8")
-    main(["reference", "ball.yaml"])
-    capsys.readouterr()
-    assert main(["check", "references", "--report", "a/b.html", "--quiet"]) == 0
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err == "rt: a/b.html shows the pictures\n"
-    assert (project / "a" / "b.html").read_bytes().startswith(b"<!doctype html>")
+def test_a_page_is_written_where_it_is_asked_for(referenced, here, rt):
+    assert rt("check references --report a/b.html --quiet") == ("", "rt: a/b.html shows the pictures\n")
+    assert (here / "a" / "b.html").read_bytes().startswith(b"<!doctype html>")
 
 
-def test_ctrl_c_tells_what_was_not_checked(
-    project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("ball", "cube"):
-        (project / f"{name}.yaml").write_text(SCENE, encoding="utf-8")
-    main(["reference", "ball.yaml", "cube.yaml"])
-    capsys.readouterr()
-
-    def until_the_second(*given: Any, **settings: Any) -> Any:
+def test_ctrl_c_tells_what_was_not_checked(referenced, renders, rt, monkeypatch):
+    def until_the_second(*given, **settings):
         renders.interrupted = len(renders.calls) == 3
         return renders(*given, **settings)
 
     monkeypatch.setattr(check, "render", until_the_second)
-    assert main(["check", "references"]) == 130
-    captured = capsys.readouterr()
+    captured = rt("check references", status=130)
     assert captured.out.startswith("ball: passed")
     assert "rt: interrupted; 1 of 2 were not checked" in captured.err
 
@@ -210,22 +81,14 @@ def test_ctrl_c_tells_what_was_not_checked(
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["nowhere"], "nowhere: no such folder"),
-        (["."], ". has no references: rt reference SCENE -o . renders one"),
-        (["references", "bal"], "references has no reference 'bal': did you mean 'ball'?"),
-        (["references", "--seed", "12345"], "was rendered with the seed 12345 itself; a check takes another one"),
-        (["references", "--spp", "8"], "a check takes at least 16 samples per pixel"),
-        (["references", "--alpha", "0.9"], "--alpha"),
-        (["references", "--report", "ball.yaml/a.html"], "ball.yaml is not a folder"),
+        ("nowhere", "nowhere: no such folder"),
+        (".", ". has no references: rt reference SCENE -o . renders one"),
+        ("references bal", "references has no reference 'bal': did you mean 'ball'?"),
+        ("references --seed 12345", "was rendered with the seed 12345 itself; a check takes another one"),
+        ("references --spp 8", "a check takes at least 16 samples per pixel"),
+        ("references --alpha 0.9", "--alpha"),
+        ("references --report ball.yaml/a.html", "ball.yaml is not a folder"),
     ],
 )
-def test_what_cannot_be_checked_at_all(
-    arguments: list[str], sentence: str, project: Path, renders: MadeUp, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (project / "ball.yaml").write_text(SCENE, encoding="utf-8")
-    main(["reference", "ball.yaml"])
-    capsys.readouterr()
-    assert main(["check", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert sentence in error
-    assert error.count("\n") == 1
+def test_what_cannot_be_checked_at_all(arguments, sentence, referenced, refused):
+    assert sentence in refused(f"check {arguments}")

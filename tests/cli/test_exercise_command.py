@@ -2,81 +2,53 @@
 
 import importlib.util
 import shutil
-import subprocess
 import sys
-import textwrap
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+import raytracer.cli
 from tests.repository import ROOT
 
-# Looks for commands in another folder, too, and runs `rt` with the arguments that follow.
-PROGRAM = """
-    import sys
-    import raytracer.cli
-    raytracer.cli.__path__.append(sys.argv[1])
-    from raytracer.cli.base.app import main
-    sys.exit(main(sys.argv[2:]))
-"""
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
-
-
-@pytest.fixture
-def rt(tmp_path: Path) -> Run:
-    folder = tmp_path / "commands"
-    folder.mkdir()
-    shutil.copy(ROOT / "docs" / "examples" / "histogram.py", folder)
-
-    def run(*words: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-c", textwrap.dedent(PROGRAM), str(folder), *words]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-
-    return run
+@pytest.fixture(autouse=True)
+def _histogram(here, monkeypatch):
+    """Another folder in which commands are looked for, too."""
+    assert importlib.util.find_spec("raytracer.cli.histogram") is None
+    (here / "commands").mkdir()
+    shutil.copy(ROOT / "docs" / "examples" / "histogram.py", here / "commands")
+    monkeypatch.setattr(raytracer.cli, "__path__", [*raytracer.cli.__path__, str(here / "commands")])
+    yield
+    sys.modules.pop("raytracer.cli.histogram", None)
 
 
-def test_a_command_is_added_by_one_file(rt: Run, tmp_path: Path) -> None:
+def test_a_command_is_added_by_one_file(rt):
     # Luminances of 1/4, 1, 1 and 1.5, and one pixel each without light and without a number.
     pixels = np.array([[0.25, 1.0, 1.0], [1.5, 0.0, np.nan]])
-    np.save(tmp_path / "a.npy", np.repeat(pixels[..., None], 3, axis=2))
-    done = rt("histogram", "a.npy", "--width", "6")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == [
+    np.save("a.npy", np.repeat(pixels[..., None], 3, axis=2))
+    assert rt("histogram a.npy --width 6").out.splitlines() == [
         "  -2 EV   16.7 %  ##",
         "  -1 EV    0.0 %",
         "  +0 EV   50.0 %  ######",
         " others   33.3 %",
     ]
-
-
-def test_help_lists_it(rt: Run) -> None:
-    assert "  histogram   Print how many pixels" in rt("--help").stdout
-    done = rt("histogram", "--help")
-    assert "Usage: rt histogram [OPTIONS] {IMAGE}" in done.stdout
-    assert "\n    rt histogram outputs/cover.png --width 40\n" in done.stdout
+    assert "  histogram   Print how many pixels" in rt("--help").out
+    text = rt("histogram --help").out
+    assert "Usage: rt histogram [OPTIONS] {IMAGE}" in text
+    assert "\n    rt histogram outputs/cover.png --width 40\n" in text
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("none.exr",), "rt: none.exr: no such file\n"),
-        (("black.npy",), "rt: black.npy: is black, and has no histogram\n"),
-        (("broken.png",), "rt: broken.png: "),
-        (("black.npy", "--width", "0"), "rt: Invalid value for '--width': must be greater than or equal to 1 (see"),
-        ((), "rt: Missing argument 'IMAGE' (see 'rt histogram --help')\n"),
+        ("none.exr", "rt: none.exr: no such file\n"),
+        ("black.npy", "rt: black.npy: is black, and has no histogram\n"),
+        ("broken.png", "rt: broken.png: "),
+        ("black.npy --width 0", "rt: Invalid value for '--width': must be greater than or equal to 1 (see"),
+        ("", "rt: Missing argument 'IMAGE' (see 'rt histogram --help')\n"),
     ],
 )
-def test_wrong_input_is_told_in_one_sentence(rt: Run, tmp_path: Path, words: tuple[str, ...], sentence: str) -> None:
-    np.save(tmp_path / "black.npy", np.zeros((2, 3, 3)))
-    (tmp_path / "broken.png").write_bytes(b"no picture")
-    done = rt("histogram", *words)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(sentence)
-    assert done.stderr.count("\n") == 1
-
-
-def test_without_the_file_there_is_no_such_command() -> None:
-    assert importlib.util.find_spec("raytracer.cli.histogram") is None
+def test_wrong_input_is_told_in_one_sentence(here, refused, words, sentence):
+    np.save("black.npy", np.zeros((2, 3, 3)))
+    (here / "broken.png").write_bytes(b"no picture")
+    assert refused(f"histogram {words}").startswith(sentence)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.cli.base.app import main
 from raytracer.scene.assets.lenses import read_lens
 from tests.analysis.lens_design.benches import SHIPPED
 
@@ -38,19 +37,15 @@ PAGE = (Path(__file__).parents[2] / "docs" / "lenses.md").read_text(encoding="ut
     ("command", "lens"),
     [("lens LENS", "double-gauss-50mm"), ("lens distortion LENS --width 1920 -o wide.json", "wide-22mm")],
 )
-def test_the_page_on_lenses_shows_what_is_printed(
-    command: str, lens: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(command.replace("LENS", LENSES[lens]).split()) == 0
-    printed = _lines(capsys.readouterr().out)
+def test_the_page_on_lenses_shows_what_is_printed(command, lens, here, rt):
+    printed = _lines(rt(command.replace("LENS", LENSES[lens])).out)
     blocks = [text for language, text in re.findall(r"^```(\w*)\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)]
     (shown,) = (lines for lines in map(_lines, blocks) if lines[0] == printed[0])
     assert [line for line in shown if line not in {*printed, "..."}] == []
     assert command.replace("LENS", f"scenes/lenses/{lens}.yaml").partition(" -o ")[0] in PAGE
 
 
-def _lines(text: str) -> list[str]:
+def _lines(text):
     """Split into lines, without the widths of columns, and without differences that rounding alone makes."""
     # A fit by least squares has six digits on every machine.
     rounded = re.sub(r"-?\d+\.\d{7,}", lambda number: f"{float(number[0]):.6g}", text)
@@ -58,25 +53,18 @@ def _lines(text: str) -> list[str]:
 
 
 @pytest.fixture
-def singlet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "singlet.yaml").write_text(SINGLET)
-    return "singlet.yaml"
+def singlet(here):
+    (here / "singlet.yaml").write_text(SINGLET)
+    (here / "gauss.dat").write_text(DAT)
 
 
-def test_a_summary(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["lens", singlet]) == 0
-    out = capsys.readouterr().out
-    assert out.startswith("singlet\n")
-    assert re.search(r"^  focal length +100\.000 mm +100\.000 mm", out, re.MULTILINE)
-    assert "Spots, of all wavelengths together" in out
-
-
-def test_files_of_all_kinds(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_files_of_all_kinds_beside_a_summary(singlet, rt):
     names = ["a/report.html", "section.svg", "section.png", "numbers.json"]
-    assert main(["lens", singlet, *(part for name in names for part in ("-o", name))]) == 0
-    captured = capsys.readouterr()
+    captured = rt("lens", "singlet.yaml", *(part for name in names for part in ("-o", name)))
     assert captured.err.splitlines() == [f"wrote {name}" for name in names]
+    assert captured.out.startswith("singlet\n")
+    assert re.search(r"^  focal length +100\.000 mm +100\.000 mm", captured.out, re.MULTILINE)
+    assert "Spots, of all wavelengths together" in captured.out
     starts = [b"<!doctype html>", b"<?xml", b"\x89PNG", b"{"]
     assert [Path(name).read_bytes()[: len(start)] for name, start in zip(names, starts, strict=True)] == starts
     # Of the spots' points only the file has them.
@@ -85,10 +73,9 @@ def test_files_of_all_kinds(singlet: str, capsys: pytest.CaptureFixture[str]) ->
     assert not list(Path().glob("**/.*.tmp"))
 
 
-def test_json_is_all_of_the_output(capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["--f-number", "4", "--focus-distance", "2m", "--sensor", "aps_c", "--wavelengths", "550, f ,656.3nm"]
-    assert main(["lens", GAUSS, *arguments, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_json_is_all_of_the_output(rt):
+    arguments = "--f-number 4 --focus-distance 2m --sensor aps_c --wavelengths '550, f ,656.3nm'"
+    found = json.loads(rt(f"lens {GAUSS} {arguments} --json").out)
     assert found["settings"]["focus_distance_mm"] == 2000.0
     assert found["settings"]["sensor_mm"] == [23.6, 15.8]
     assert found["settings"]["wavelengths_nm"] == [550.0, 486.1327, 656.3]
@@ -97,122 +84,47 @@ def test_json_is_all_of_the_output(capsys: pytest.CaptureFixture[str]) -> None:
     assert first["magnification"] == pytest.approx(-50.0 / 1950.0, rel=0.05)
 
 
-def test_a_small_lens_is_seen_on_a_small_film(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["lens", "distortion", "--json", LENSES["phone-3.7mm"]]) == 0
+def test_a_small_lens_is_seen_on_a_small_film(rt):
     circle = read_lens(Path(LENSES["phone-3.7mm"])).image_circle
-    assert circle is not None
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(rt(f"lens distortion --json {LENSES['phone-3.7mm']}").out)
     assert np.hypot(*found["sensor_mm"]) == pytest.approx(circle)
     assert found["film_mm"][-1] == pytest.approx(0.5 * circle, rel=1e-3)
     assert found["ideal_mm"][-1] is not None
 
 
-def test_the_f_number_that_is_engraved_is_wide_open(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_f_number_that_is_engraved_is_wide_open(rt, refused):
     """The double Gauss is called f/2, and opens to f/2.004."""
-    assert main(["lens", "distortion", GAUSS, "--f-number", "2", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["f_number"] is None
-    assert main(["lens", "distortion", GAUSS, "--f-number", "1.9"]) == 2
-    assert "the lens opens to f/2.00" in capsys.readouterr().err
+    assert json.loads(rt(f"lens distortion {GAUSS} --f-number 2 --json").out)["f_number"] is None
+    assert "the lens opens to f/2.00" in refused(f"lens distortion {GAUSS} --f-number 1.9")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("error", "status", "said"),
     [
-        ([], "Missing argument 'FILE'"),
-        (["none.yaml"], "none.yaml: no such file"),
-        (["singlet.yaml", "-o", "a.xyz"], "a.xyz: unknown suffix '.xyz' for a report on a lens; known: .html, .pdf"),
-        (["singlet.yaml", "-o", "a"], "a: no suffix for a report on a lens"),
-        (["singlet.yaml", "-o", "folder.html"], "folder.html: is a folder, not a file"),
-        (["singlet.yaml", "--f-number", "0.5"], "singlet.yaml: the lens opens to f/"),
-        (["singlet.yaml", "--f-number", "-1"], "--f-number -1: must be greater than 0"),
-        (["singlet.yaml", "--focus-distance", "0"], "--focus-distance 0: must be greater than 0"),
-        (["singlet.yaml", "--focus-distance", "3kg"], "--focus-distance 3kg: has the unknown unit 'kg'"),
-        (["singlet.yaml", "--focus-distance", "5cm"], "singlet.yaml: the lens cannot focus at 50 mm"),
-        (["singlet.yaml", "--sensor", "ful_frame"], "--sensor ful_frame: unknown sensor 'ful_frame'; did you mean"),
-        (["singlet.yaml", "--sensor", "36x0"], "--sensor 36x0: must be larger than 0"),
-        (["singlet.yaml", "--sensor", "36xa"], "--sensor a: must be a length in millimetres"),
-        (["singlet.yaml", "--wavelengths", "d,x"], "--wavelengths d,x: must be wavelengths in nm, or the lines"),
-        (["singlet.yaml", "--wavelengths", "200"], "--wavelengths 200: must be from 300 to 2500 nm"),
-        (["singlet.yaml", "--wavelengths", "d,d"], "--wavelengths d,d: has d twice"),
-        (["import", "singlet.yaml"], "singlet.yaml: is no lens of another program"),
-        (["import", "none.dat"], "none.dat: no such file"),
-        (["import", "gauss.dat", "-o", "a.txt"], "a.txt: a lens file is written as .yaml"),
-        (["import", "a.zmx", "--thickness", "after"], "--thickness after: goes with tables, .dat; a.zmx says itself"),
-        (["import", "gauss.dat", "--thickness", "both"], "Invalid value for '--thickness': 'both' is not"),
-        (["import", "gauss.dat", "--glass", "SK16"], "--glass: must be NAME=INDEX/ABBE"),
-        (["distortion", "singlet.yaml", "-o", "map.png"], "map.png: unknown suffix '.png' for a map of distortion"),
-        (["distortion", "singlet.yaml", "--ideal", "round"], "Invalid value for '--ideal': 'round' is not"),
-        (["distortion", "singlet.yaml", "--width", "1"], "Invalid value for '--width'"),
+        (OSError(28, "No space left on device"), 1, "report.svg: cannot be written: No space left on device"),
+        (KeyboardInterrupt, 130, "interrupted"),
     ],
 )
-def test_what_is_wrong_is_one_sentence(
-    singlet: str, arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    Path("gauss.dat").write_text(DAT)
-    Path("folder.html").mkdir()
-    before = sorted(Path().iterdir())
-    assert main(["lens", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.splitlines()
-    assert line.startswith(f"rt: {sentence}")
-    assert sorted(Path().iterdir()) == before
+def test_what_cannot_be_written_is_one_sentence(singlet, error, status, said, monkeypatch, refused):
+    def fail(*_):
+        raise error
+
+    monkeypatch.setattr("os.replace", fail)
+    assert refused("lens singlet.yaml -o report.svg", status=status) == f"rt: {said}\n"
 
 
-def test_what_cannot_be_written_is_one_sentence(
-    singlet: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.replace", full)
-    assert main(["lens", singlet, "-o", "report.svg"]) == 1
-    assert capsys.readouterr().err == "rt: report.svg: cannot be written: No space left on device\n"
-    assert not list(Path().glob("*.svg")) + list(Path().glob(".*.tmp"))
-
-
-def test_an_interrupt_ends_it_quietly(
-    singlet: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("raytracer.analysis.lens_design.performance.lens_study.study_lens", interrupt)
-    assert main(["lens", singlet, "-o", "report.svg"]) == 130
-    assert capsys.readouterr().err == "rt: interrupted\n"
-    assert not Path("report.svg").exists()
-
-
-@pytest.mark.parametrize("command", [[], ["import"], ["distortion"]])
-def test_help_shows_an_example(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["lens", *command, "--help"]) == 0
-    out = capsys.readouterr().out
-    assert "Example" in out
-    assert f"  rt lens {' '.join(command)}".rstrip() in out
-
-
-def test_the_list_of_commands_has_it(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--help"]) == 0
-    assert "  lens " in capsys.readouterr().out
-
-
-def test_an_imported_lens_is_the_same_lens(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
-    Path("gauss.dat").write_text(DAT)
-    assert main(["lens", "import", "gauss.dat", "-o", "gauss.yaml"]) == 0
-    out, err = capsys.readouterr()
+def test_an_imported_lens_is_the_same_lens(singlet, rt):
+    out, err = rt("lens import gauss.dat -o gauss.yaml")
     reading = "thickness is read as that after each surface, since the last is 0; it has a focal length of 65.6289 mm"
     assert (out, err) == ("", f"gauss.dat: {reading}\nwrote gauss.yaml\n")
     ours, theirs = read_lens(Path("gauss.yaml")), read_lens(Path("gauss.dat"))
     assert ours.elements == theirs.elements
-    assert main(["lens", "import", "gauss.dat"]) == 0
-    assert capsys.readouterr().out == Path("gauss.yaml").read_text()
+    assert rt("lens import gauss.dat").out == Path("gauss.yaml").read_text()
 
 
-def test_distortion_as_text_files_and_json(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_distortion_as_text_files_and_json(singlet, rt):
     names = ["map.npz", "opencv.yaml", "numbers.json"]
-    outputs = [part for name in names for part in ("-o", name)]
-    assert main(["lens", "distortion", GAUSS, "--width", "150", *outputs]) == 0
-    captured = capsys.readouterr()
+    captured = rt(f"lens distortion {GAUSS} --width 150 -o map.npz -o opencv.yaml -o numbers.json")
     assert captured.err.splitlines() == [f"wrote {name}" for name in names]
     assert captured.out.startswith("Double Gauss 50 mm f/2\n150 x 100 pixels of 240 µm\n")
     assert "pinhole: off by" in captured.out
@@ -220,37 +132,24 @@ def test_distortion_as_text_files_and_json(singlet: str, capsys: pytest.CaptureF
         assert arrays["map_x"].shape == arrays["inverse_y"].shape == (100, 150)
         assert arrays["map_x"].dtype == np.float32
     assert Path("opencv.yaml").read_text().startswith("%YAML:1.0\n---\n")
-    assert main(["lens", "distortion", GAUSS, "--width", "150", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads(Path("numbers.json").read_text())
+    printed = rt(f"lens distortion {GAUSS} --width 150 --json").out
+    assert json.loads(printed) == json.loads(Path("numbers.json").read_text())
 
 
-@pytest.mark.parametrize("command", [["lens"], ["lens", "import"], ["lens", "distortion", "--width", "90"]])
-def test_a_table_that_is_read_the_wrong_way_is_warned_of(
-    singlet: str, command: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    Path("gauss.dat").write_text(DAT)
-    assert main(["lens", "import", "gauss.dat", "--thickness", "before", "-o", "wrong.yaml"]) == 0
-    warning = "surfaces 1 and 2 go through each other within their apertures"
-    assert f"rt: warning: gauss.dat: {warning}" in capsys.readouterr().err
+def test_a_table_that_is_read_the_wrong_way_is_warned_of_once(singlet, rt):
+    crossing = "surfaces 1 and 2 go through each other within their apertures"
+    said = rt("lens import gauss.dat --thickness before -o wrong.yaml").err
+    assert f"rt: warning: gauss.dat: {crossing}" in said
+    said = rt("lens distortion --width 90 wrong.yaml --quiet").err
+    assert f"rt: warning: wrong.yaml: {crossing}" in said
+    # On a terminal once, and in each report.
+    out, err = rt("lens wrong.yaml -o wrong.json")
+    assert (err.count(crossing), " ".join(out.split()).count(crossing)) == (1, 0)
+    assert Path("wrong.json").read_text().count(crossing) == 1
+    out, err = rt("lens wrong.yaml --json")
+    assert (err.count(crossing), out.count(crossing)) == (1, 1)
     # As nobody says where it stands, a number in the last row leaves it to the surfaces.
     Path("filmed.dat").write_text(DAT.replace("-39.73\t0", "-39.73\t36"))
-    for file, said in (("filmed.dat", "thickness is read as that after each surface, for"), ("wrong.yaml", warning)):
-        if file.endswith(".dat") or command[-1] != "import":
-            assert main([*command, file, "--quiet"]) == 0
-            assert f"rt: warning: {file}: {said}" in capsys.readouterr().err
-
-
-def test_a_warning_is_told_once_on_a_terminal_and_is_in_each_report(
-    singlet: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    Path("gauss.dat").write_text(DAT)
-    assert main(["lens", "import", "gauss.dat", "--thickness", "before", "-o", "wrong.yaml", "-q"]) == 0
-    capsys.readouterr()
-    warning = "surfaces 1 and 2 go through each other"
-    assert main(["lens", "wrong.yaml", "-o", "wrong.json"]) == 0
-    out, err = capsys.readouterr()
-    assert (err.count(warning), " ".join(out.split()).count(warning)) == (1, 0)
-    assert Path("wrong.json").read_text().count(warning) == 1
-    assert main(["lens", "wrong.yaml", "--json"]) == 0
-    out, err = capsys.readouterr()
-    assert (err.count(warning), out.count(warning)) == (1, 1)
+    for command in ("lens", "lens import", "lens distortion --width 90"):
+        reading = "rt: warning: filmed.dat: thickness is read as that after each surface, for"
+        assert reading in rt(f"{command} filmed.dat --quiet").err

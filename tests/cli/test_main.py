@@ -16,64 +16,64 @@ SCENE = (
     "camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}\nfilm: {width: 8, height: 6}\n"
     "environment: {type: constant, radiance: 1}\n"
 )
+MAIN = "import sys; from raytracer.cli.base.app import main; sys.exit(main"
+
 BALL = "objects: [{type: sphere, center: [0, 0, 0], radius: 1}]\n"
 
 
-@pytest.fixture
-def good(tmp_path: Path) -> str:
-    path = tmp_path / "good.yaml"
-    path.write_text(SCENE + BALL)
-    return str(path)
+def commands(group, above=""):
+    """Names of all commands, those of groups with the group's before them."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, f"{above}{name} ")
+        else:
+            yield f"{above}{name}"
 
 
-def commands() -> list[str]:
-    return [info.name or info.callback.__name__ for info in cli.application().registered_commands if info.callback]
+COMMANDS = list(commands(typer.main.get_command(cli.application())))
 
 
-def test_help_imports_nothing_slow() -> None:
+def run(program, **settings):
+    return subprocess.run([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True, check=False, **settings)
+
+
+def test_help_imports_nothing_slow():
     program = (
         "import sys; from raytracer.cli.base.app import main; assert main(['--help']) == 0;"
         "slow = {'numba', 'numpy', 'pydantic', 'yaml', 'rich', 'trimesh', 'PIL', 'OpenEXR', 'scipy'};"
         "print(sorted(slow & set(sys.modules)), file=sys.stderr)"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = run(program, stdout=subprocess.PIPE)
     assert done.stderr.strip() == "[]"
     assert "validate" in done.stdout
 
 
-@pytest.mark.parametrize("command", commands())
-def test_every_command_shows_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([command, "--help"]) == 0
-    output = capsys.readouterr().out
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_shows_an_example(command, rt):
+    output = rt(f"{command} --help").out
     assert f"Usage: rt {command}" in output
     assert "Example" in output
-    assert f"  rt {command}" in output
+    # A lens is reported on where nothing else is asked for.
+    assert f"  rt {command.removesuffix(' report')} " in f"{output} "
 
 
-def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"rt {raytracer.__version__}\n"
+def test_version_is_printed(rt):
+    assert rt("--version").out == f"rt {raytracer.__version__}\n"
 
 
-def test_validate_names_the_right_and_every_wrong_file(
-    good: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    bad = tmp_path / "bad.yaml"
-    bad.write_text(SCENE.replace("vfov", "vfv").replace("width", "widht"))
-    worse = tmp_path / "worse.yaml"
+def test_validate_names_the_right_and_every_wrong_file(here, rt):
+    Path("good.yaml").write_text(SCENE + BALL)
+    Path("bad.yaml").write_text(SCENE.replace("vfov", "vfv").replace("width", "widht"))
     # A flash without an exposure is seen only when lights and shutter are put together.
-    dark = tmp_path / "dark.yaml"
-    dark.write_text(SCENE + BALL + "lights: [{type: flash, energy: 1}]\n")
-    assert main(["validate", str(bad), good, str(worse), str(dark)]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == f"{good}: valid\n"
+    Path("dark.yaml").write_text(SCENE + BALL + "lights: [{type: flash, energy: 1}]\n")
+    captured = rt("validate bad.yaml good.yaml worse.yaml dark.yaml", status=2)
+    assert captured.out == "good.yaml: valid\n"
     first, second, third = captured.err.splitlines()
-    assert first.startswith(f"rt: {bad}:1: camera.vfv: unknown key 'vfv'")
-    assert second == f"rt: {worse}: no such file"
-    assert third.startswith(f"rt: {dark}:")
+    assert first.startswith("rt: bad.yaml:1: camera.vfv: unknown key 'vfv'")
+    assert second == "rt: worse.yaml: no such file"
+    assert third.startswith("rt: dark.yaml:")
     assert "shutter" in third
-    assert main(["validate", "--quiet", good]) == 0
-    assert capsys.readouterr().out == ""
+    assert rt("validate --quiet good.yaml").out == ""
 
 
 @pytest.mark.parametrize(
@@ -89,21 +89,15 @@ def test_validate_names_the_right_and_every_wrong_file(
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else "",
 )
-def test_every_failure_is_one_sentence(
-    error: BaseException,
-    status: int,
-    sentence: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_every_failure_is_one_sentence(error, status, sentence, monkeypatch, capsys):
     app = typer.Typer()
 
     @app.callback()
-    def group() -> None:
+    def group():
         pass
 
     @app.command()
-    def fail() -> None:
+    def fail():
         raise error
 
     monkeypatch.setattr(cli, "application", lambda command: app)
@@ -117,32 +111,27 @@ def test_every_failure_is_one_sentence(
     assert ("Traceback" in capsys.readouterr().err) is (status == 1 and not isinstance(error, OutputError))
 
 
-def test_nothing_of_the_current_folder_tells_the_compiler_what_to_do(good: str, tmp_path: Path) -> None:
+def test_nothing_of_the_current_folder_tells_the_compiler_what_to_do(here):
     """Else who renders among files that somebody sent has files of their own overwritten."""
-    (tmp_path / "precious").write_text("precious")
-    (tmp_path / ".numba_config.yaml").write_text(f"chrome_trace: {tmp_path / 'precious'}\n")
-    program = f"import sys; from raytracer.cli.base.app import main; sys.exit(main(['validate', {good!r}]))"
-    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (tmp_path / "precious").read_text() == "precious"
+    (here / "good.yaml").write_text(SCENE + BALL)
+    (here / "precious").write_text("precious")
+    (here / ".numba_config.yaml").write_text(f"chrome_trace: {here / 'precious'}\n")
+    done = run(f"{MAIN}(['validate', 'good.yaml']))", cwd=here)
+    assert (here / "precious").read_text() == "precious"
     assert done.returncode == 2
     assert done.stderr.startswith("rt: .numba_config.yaml: Numba would obey this file of the current folder")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 @pytest.mark.parametrize("argument", ["schema", "--version"])
-def test_a_full_disk_under_stdout_is_a_failure_in_one_sentence(argument: str) -> None:
-    program = f"import sys; from raytracer.cli.base.app import main; sys.exit(main([{argument!r}]))"
+def test_a_full_disk_under_stdout_is_a_failure_in_one_sentence(argument):
     with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [sys.executable, "-c", program], stdout=full, stderr=subprocess.PIPE, text=True, check=False
-        )
-    assert done.returncode == 1
-    assert done.stderr == "rt: No space left on device\n"
+        done = run(f"{MAIN}([{argument!r}]))", stdout=full)
+    assert (done.returncode, done.stderr) == (1, "rt: No space left on device\n")
 
 
-def test_a_reader_that_goes_away_is_no_error_message() -> None:
-    program = "import sys; from raytracer.cli.base.app import main; sys.exit(main(['schema']))"
-    shell = f"'{sys.executable}' -c \"{program}\" | head -c 10"
+def test_a_reader_that_goes_away_is_no_error_message():
+    shell = f"'{sys.executable}' -c \"{MAIN}(['schema']))\" | head -c 10"
     done = subprocess.run(["sh", "-c", shell], capture_output=True, text=True, check=False)
     assert done.stdout.startswith("{")
     assert done.stderr == ""

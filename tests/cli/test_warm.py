@@ -2,10 +2,8 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -17,76 +15,36 @@ SCENE = (
     "objects: [{type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian}}]\n"
 )
 
-
-def rt(folder: Path, *words: str, status: int = 0) -> "subprocess.CompletedProcess[str]":
-    """Run rt in a process of its own, with a cache of its own."""
-    own = {"RAYTRACER_CACHE_DIR": str(folder / "cache"), "RAYTRACER_KEY_DIR": str(folder / "key")}
-    done = subprocess.run(
-        [sys.executable, "-c", "from raytracer.cli.main import main; raise SystemExit(main())", *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)} | own,
-    )
-    assert done.returncode == status, done.stderr
-    return done
+MAIN = "from raytracer.cli.main import main; raise SystemExit(main())"
 
 
 @pytest.fixture
-def scene(tmp_path: Path) -> Path:
+def rt_alone(tmp_path):
+    """Run rt in a process of its own, with a cache of its own."""
     (tmp_path / "a.yaml").write_text(SCENE)
-    return tmp_path
+    own = {"RAYTRACER_CACHE_DIR": str(tmp_path / "cache"), "RAYTRACER_KEY_DIR": str(tmp_path / "key")}
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")} | own
+
+    def run(command, status=0, program=MAIN):
+        done = subprocess.run(
+            [sys.executable, "-c", program, *command.split()],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=tmp_path,
+            env={**environment, "PYTHONPATH": str(ROOT)},
+        )
+        assert done.returncode == status, done.stderr
+        return done
+
+    return run
 
 
 _FIRST = "rt: this combination of effects is compiled for the first time"
 
-
-def test_what_was_warmed_is_rendered_without_the_compiler(scene: Path) -> None:
-    first = rt(scene, "warm", "a.yaml", "a.yaml").stdout.splitlines()
-    assert first[0].startswith("a.yaml: compiled in ")
-    assert first[1:] == ["a.yaml: was in the cache"]
-    # Another sampler is another kernel, and so is one that records depth.
-    assert rt(scene, "warm", "a.yaml", "-D", "render.sampler=stratified").stdout.startswith("a.yaml: compiled in ")
-    assert rt(scene, "warm", "a.yaml", "--aov", "depth").stdout.startswith("a.yaml: compiled in ")
-    assert rt(scene, "warm", "a.yaml", "-D", "render.spp=3", "--quiet").stdout == ""
-    held = json.loads(rt(scene, "cache", "--json").stdout)
-    assert held["kernels"] == 3
-    done = rt(scene, "render", "a.yaml", "--aov", "depth", "-o", "a.exr", "--spp", "2")
-    assert _FIRST not in done.stderr
-    assert json.loads(rt(scene, "cache", "--json").stdout)["kernels"] == 3
-
-
-def test_a_render_says_that_it_compiles_and_what_the_command_took(scene: Path) -> None:
-    cold = rt(scene, "render", "a.yaml", "-o", "a.npy", "--spp", "2").stderr.splitlines()
-    assert cold[0].startswith(_FIRST)
-    assert " s in all, " in cold[1]
-    (again,) = rt(scene, "render", "a.yaml", "-o", "a.npy", "--spp", "2").stderr.splitlines()
-    assert "a.npy: 8 x 6, 2 spp in " in again
-    assert rt(scene, "cache", "--clear").stdout == ""
-    assert rt(scene, "render", "a.yaml", "-o", "a.npy", "--spp", "2", "--quiet").stderr == ""
-
-
-def test_the_cache_is_shown_and_cleared(scene: Path) -> None:
-    rt(scene, "warm", "a.yaml", "--quiet")
-    shown = rt(scene, "cache").stdout
-    assert f"folder   {scene / 'cache'}\nkernels  1\nparts    " in shown
-    assert "removed 1 kernels" in rt(scene, "cache", "--clear").stderr
-    assert "kernels  0\nparts    0\nsize     0.0 MB\noldest   -\n" in rt(scene, "cache").stdout
-
-
-def test_what_cannot_be_warmed_is_said(scene: Path) -> None:
-    assert rt(scene, "warm", "b.yaml", status=2).stderr == "rt: b.yaml: no such file\n"
-    assert "unknown AOV 'dpth'" in rt(scene, "warm", "a.yaml", "--aov", "dpth", status=2).stderr
-    shutil.rmtree(scene / "cache")
-    (scene / "cache").touch()
-    assert "compiled kernels cannot be kept there" in rt(scene, "warm", "a.yaml", status=2).stderr
-
-
 _IMPORTED = """
 import sys
 from raytracer.cli.main import main
-sys.argv = ["rt", "render", "a.yaml", "-o", "a.npy", "--spp", "1"]
 assert main() == 0
 print(*sorted(sys.modules))
 """
@@ -110,19 +68,16 @@ _SCENES_OWN = {
 }
 
 
-def test_a_plain_render_imports_what_its_scene_names(scene: Path) -> None:
-    """A package or a kind more is time in each start: this list grows for a reason, or not at all."""
-    rt(scene, "warm", "a.yaml", "--quiet")
-    own = {"RAYTRACER_CACHE_DIR": str(scene / "cache"), "RAYTRACER_KEY_DIR": str(scene / "key")}
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")} | own
-    done = subprocess.run(
-        [sys.executable, "-c", _IMPORTED],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=scene,
-        env={**environment, "PYTHONPATH": str(ROOT)},
-    )
+def test_what_was_warmed_is_rendered_without_the_compiler(rt_alone, tmp_path):
+    first = rt_alone("warm a.yaml a.yaml").stdout.splitlines()
+    assert first[0].startswith("a.yaml: compiled in ")
+    assert first[1:] == ["a.yaml: was in the cache"]
+    assert f"folder   {tmp_path / 'cache'}\nkernels  1\nparts    " in rt_alone("cache").stdout
+
+    # A package or a kind more is time in each start: these lists grow for a reason, or not at all.
+    done = rt_alone("render a.yaml -o a.npy --spp 1", program=_IMPORTED)
+    (said,) = done.stderr.splitlines()
+    assert "a.npy: 8 x 6, 1 spp in " in said
     modules = set(done.stdout.split())
     third_party = {name.partition(".")[0] for name in modules} - set(sys.stdlib_module_names)
     assert {name for name in third_party if not name.startswith(("_", "cython"))} - {"shellingham"} <= _NEEDED
@@ -130,6 +85,27 @@ def test_a_plain_render_imports_what_its_scene_names(scene: Path) -> None:
         prefix = f"raytracer.plugins.{family}."
         found = {name.removeprefix(prefix).partition(".")[0] for name in modules if name.startswith(prefix)}
         assert found - {"base"} == kinds, family
-    commands = {name.split(".")[2] for name in modules if name.startswith("raytracer.cli.")}
-    assert commands == {"base", "main", "render"}
+    assert {name.split(".")[2] for name in modules if name.startswith("raytracer.cli.")} == {"base", "main", "render"}
     assert not [name for name in modules if name.startswith("raytracer.optics.lens_system.importers")]
+
+    # One that records depth is another kernel.
+    cold = rt_alone("render a.yaml --aov depth -o a.exr --spp 2").stderr.splitlines()
+    assert cold[0].startswith(_FIRST)
+    assert " s in all, " in cold[1]
+    assert rt_alone("warm a.yaml --aov depth -D render.spp=3").stdout == "a.yaml: was in the cache\n"
+    assert json.loads(rt_alone("cache --json").stdout)["kernels"] == 2
+    cleared = rt_alone("cache --clear")
+    assert cleared.stdout == ""
+    assert "removed 2 kernels" in cleared.stderr
+    assert "kernels  0\nparts    0\nsize     0.0 MB\noldest   -\n" in rt_alone("cache").stdout
+
+
+def test_where_kernels_cannot_be_kept_nothing_is_warmed(rt_alone, tmp_path):
+    (tmp_path / "cache").touch()
+    assert "compiled kernels cannot be kept there" in rt_alone("warm a.yaml", status=2).stderr
+
+
+def test_what_cannot_be_warmed_is_said(here, refused):
+    (here / "a.yaml").write_text(SCENE)
+    assert refused("warm b.yaml") == "rt: b.yaml: no such file\n"
+    assert "unknown AOV 'dpth'" in refused("warm a.yaml --aov dpth")

@@ -5,9 +5,6 @@ Those are the `embreex` wheel's own binding of the same library, for triangles, 
 
 import gc
 import weakref
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -33,14 +30,9 @@ Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize(
-    "file",
-    [
-        "embreex.libs/libembree4-2e5b4d5c.so.4",
-        "embreex/.dylibs/libembree4.4.dylib",
-        "embreex.libs/embree4.dll",
-    ],
+    "file", ["embreex.libs/libembree4-2e5b4d5c.so.4", "embreex/.dylibs/libembree4.4.dylib", "embreex.libs/embree4.dll"]
 )
-def test_library_is_found_where_each_wheel_puts_it(tmp_path: Path, file: str) -> None:
+def test_library_is_found_where_each_wheel_puts_it(tmp_path, file):
     # The layouts of embreex 4.4.0.post1 for Linux, macOS and Windows; TBB lies beside and is not it.
     library = tmp_path / file
     library.parent.mkdir(parents=True)
@@ -49,14 +41,14 @@ def test_library_is_found_where_each_wheel_puts_it(tmp_path: Path, file: str) ->
     assert find_library(tmp_path) == library
 
 
-def test_missing_library_is_an_error(tmp_path: Path) -> None:
+def test_missing_library_is_an_error(tmp_path):
     (tmp_path / "embreex.libs").mkdir()
     (tmp_path / "embreex.libs" / "libtbb.so").touch()
     with pytest.raises(EmbreeError, match="holds no Embree 4 library"):
         find_library(tmp_path)
 
 
-def test_missing_package_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_package_is_an_error(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(EmbreeError, match="not installed"):
         find_library()
@@ -65,13 +57,13 @@ def test_missing_package_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
 # ---- Errors
 
 
-def _triangle(indices: list[int] | None = None) -> Geometry:
+def _triangle(indices=None):
     vertices = pad_buffer(np.eye(3), np.float32)
     faces = pad_buffer(np.array([indices or [0, 1, 2]]), np.uint32)
     return Geometry(Primitive.TRIANGLE, (vertices,), faces)
 
 
-def test_a_device_that_does_not_start_is_an_exception(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_device_that_does_not_start_is_an_exception(monkeypatch):
     # rtcNewDevice returns NULL on a processor without SSE2; its error is then that of no device, 5.
     monkeypatch.setattr(embree, "_new_device", lambda config: None)
     monkeypatch.setattr(embree, "_device_error", lambda device: 5)
@@ -79,27 +71,28 @@ def test_a_device_that_does_not_start_is_an_exception(monkeypatch: pytest.Monkey
         Device()
 
 
-def test_what_embree_refuses_is_an_exception_with_its_words() -> None:
+def test_what_embree_refuses_is_an_exception_with_its_words():
     # A sphere wants four floats a vertex; given three, Embree calls back with an error.
     geometry = Geometry(Primitive.SPHERE, (pad_buffer(np.zeros((1, 3)), np.float32),))
     with pytest.raises(EmbreeError, match=r"Embree: invalid (argument|operation)"):
         Accel([geometry])
 
 
-def test_an_error_does_not_stick() -> None:
+def test_an_error_does_not_stick():
     device = Device()
     with pytest.raises(EmbreeError):
         Accel([Geometry(Primitive.SPHERE, (pad_buffer(np.zeros((1, 3)), np.float32),))], device=device)
     device.check()
     Accel([_triangle()], device=device)
+    # And what was refused is freed, too.
+    finalizer = device._finalizer
+    del device
+    gc.collect()
+    assert not finalizer.alive
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [np.zeros((3, 3)), np.zeros((3, 6), np.float32)[:, ::2]],
-    ids=["float64", "with gaps"],
-)
-def test_buffers_that_cannot_be_lent_are_refused(rows: Any) -> None:
+@pytest.mark.parametrize("rows", [np.zeros((3, 3)), np.zeros((3, 6), np.float32)[:, ::2]], ids=["float64", "with gaps"])
+def test_buffers_that_cannot_be_lent_are_refused(rows):
     with pytest.raises(EmbreeError, match="contiguous"):
         Accel([Geometry(Primitive.TRIANGLE, (rows,), pad_buffer(np.array([[0, 1, 2]]), np.uint32))])
 
@@ -107,7 +100,7 @@ def test_buffers_that_cannot_be_lent_are_refused(rows: Any) -> None:
 # ---- Lifetimes
 
 
-def test_scene_and_device_are_freed() -> None:
+def test_scene_and_device_are_freed():
     accel = Accel([_triangle()])
     scene, device = accel._finalizer, accel.device._finalizer
     buffers = weakref.ref(accel._buffers[-1])
@@ -121,7 +114,7 @@ def test_scene_and_device_are_freed() -> None:
     assert buffers() is None
 
 
-def test_scene_keeps_what_it_borrowed() -> None:
+def test_scene_keeps_what_it_borrowed():
     table = _spheres(1000, 1)
     accel = built(table)
     gc.collect()
@@ -132,78 +125,55 @@ def test_scene_keeps_what_it_borrowed() -> None:
     )
 
 
-def test_a_refused_scene_is_freed_too() -> None:
-    device = Device()
-    finalizer = device._finalizer
-    with pytest.raises(EmbreeError):
-        Accel([Geometry(Primitive.SPHERE, (pad_buffer(np.zeros((1, 3)), np.float32),))], device=device)
-    del device
-    gc.collect()
-    assert not finalizer.alive
-
-
-def test_many_scenes_take_no_more_memory_than_a_few() -> None:
-    # A scene of 20,000 spheres takes over 1 MB; 200 of them that were not freed would take over 200.
+def test_many_scenes_take_no_more_memory_than_a_few():
+    # A scene of 20,000 spheres takes over 1 MB; 60 of them that were not freed would take over 60.
     table = _spheres(20_000, 3)
-    for _ in range(20):
+    for _ in range(10):
         built(table)
     gc.collect()
     before = peak_rss_bytes()
-    for _ in range(200):
+    for _ in range(60):
         built(table)
-    assert peak_rss_bytes() - before < 60e6
+    assert peak_rss_bytes() - before < 20e6
 
 
 # ---- Hits
 
 
-def _spheres(count: int, seed: int) -> Spheres:
+def _spheres(count, seed):
     rng = np.random.default_rng(seed)
     radius = rng.uniform(0.02, 0.3, count)
     return Spheres(rng.uniform(-2.0, 2.0, (count, 3)), radius, np.zeros(count, np.int32))
 
 
-def _parallelograms(count: int, seed: int) -> Parallelograms:
+def _tables(count, seed):
     rng = np.random.default_rng(seed)
     corner, u, v = rng.uniform(-2.0, 2.0, (count, 3)), *rng.uniform(-0.7, 0.7, (2, count, 3))
-    return Parallelograms(corner, u, v, np.zeros(count, np.int32))
+    normal, radius, material = unit(np.cross(u, v)), rng.uniform(0.1, 0.5, count), np.zeros(count, np.int32)
+    vertices = pad_buffer(np.stack([corner, corner + u, corner + v], axis=1).reshape(-1, 3), np.float32)
+    return {
+        "spheres": _spheres(count, seed),
+        "parallelograms": Parallelograms(corner, u, v, material),
+        "discs": Discs(corner, normal, radius, material),
+        "triangles": Triangles(vertices, pad_buffer(np.arange(3 * count).reshape(-1, 3), np.uint32), material),
+    }
 
 
-def _discs(count: int, seed: int) -> Discs:
-    rng = np.random.default_rng(seed)
-    normal = unit(rng.normal(size=(count, 3)))
-    return Discs(rng.uniform(-2.0, 2.0, (count, 3)), normal, rng.uniform(0.1, 0.5, count), np.zeros(count, np.int32))
+TABLES = _tables(300, 4)
 
 
-def _triangles(count: int, seed: int) -> Triangles:
-    rng = np.random.default_rng(seed)
-    corners = rng.uniform(-2.0, 2.0, (count, 1, 3)) + rng.uniform(-0.5, 0.5, (count, 3, 3))
-    faces = np.arange(3 * count).reshape(-1, 3)
-    return Triangles(
-        pad_buffer(corners.reshape(-1, 3), np.float32), pad_buffer(faces, np.uint32), np.zeros(count, np.int32)
-    )
-
-
-TABLES: dict[str, Callable[[int, int], Any]] = {
-    "spheres": _spheres,
-    "parallelograms": _parallelograms,
-    "discs": _discs,
-    "triangles": _triangles,
-}
-
-
-def _rays(count: int, seed: int) -> tuple[Array, Array]:
+def _rays(count, seed):
     origins = 5.0 * uniform_directions(count, seed)
     targets = np.random.default_rng(seed).uniform(-2.0, 2.0, (count, 3))
     return origins, unit(targets - origins)
 
 
-def _plane(origin: Array, direction: Array, points: Array, normals: Array) -> Array:
+def _plane(origin, direction, points, normals):
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(((points - origin) * normals).sum(axis=1) / (normals @ direction))
 
 
-def _distances(table: Any, origin: Array, direction: Array) -> Array:
+def _distances(table, origin, direction):
     """Distance to each primitive of a table (n,), inf for a miss: by definition, in float64, one ray at a time."""
     if isinstance(table, Spheres):
         # Roots of |o + t d - c|^2 = r^2.
@@ -234,8 +204,8 @@ def _distances(table: Any, origin: Array, direction: Array) -> Array:
 
 
 @pytest.mark.parametrize("kind", TABLES)
-def test_hits_are_those_of_a_search_in_float64(kind: str) -> None:
-    table = TABLES[kind](300, 4)
+def test_hits_are_those_of_a_search_in_float64(kind):
+    table = TABLES[kind]
     origins, directions = _rays(3000, 5)
     hits = cast((table,), origins, directions)
     distances = np.array([_distances(table, o, d) for o, d in zip(origins, directions, strict=True)])
@@ -261,23 +231,11 @@ def test_hits_are_those_of_a_search_in_float64(kind: str) -> None:
     assert (np.abs(hits.near[same] - nearest[same]) <= 4.0 * 2.0**-20 / grazing[same] ** 2).all()
 
 
-def test_several_tables_answer_by_their_place() -> None:
-    tables = tuple(make(50, seed) for seed, make in enumerate(TABLES.values()))
-    origins, directions = _rays(3000, 6)
-    hits = cast(tables, origins, directions)
-    distances = [
-        np.array([_distances(table, o, d).min() for o, d in zip(origins, directions, strict=True)]) for table in tables
-    ]
-    nearest = np.min(distances, axis=0)
-    expected = np.where(np.isfinite(nearest), np.argmin(distances, axis=0), -1)
-    assert (hits.table == expected).mean() > 0.999
-
-
-def test_triangles_are_hit_as_by_the_wheels_own_binding() -> None:
+def test_triangles_are_hit_as_by_the_wheels_own_binding():
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
-    table = _triangles(500, 7)
+    table = TABLES["triangles"]
     origins, directions = _rays(5000, 8)
     hits = cast((table,), origins, directions)
     theirs = EmbreeScene()
@@ -285,7 +243,7 @@ def test_triangles_are_hit_as_by_the_wheels_own_binding() -> None:
     result = theirs.run(origins.astype(np.float32), directions.astype(np.float32), output=True)
     their_primitive, their_distance = np.asarray(result["primID"]), np.asarray(result["tfar"])
     both = (hits.table == 0) & (their_primitive >= 0)
-    assert both.sum() > 2000
+    assert both.sum() > 1500
     assert ((hits.table == 0) != (their_primitive >= 0)).sum() <= 2
     same = both & (hits.primitive == their_primitive)
     assert same.sum() >= both.sum() - 2
@@ -295,8 +253,8 @@ def test_triangles_are_hit_as_by_the_wheels_own_binding() -> None:
 
 
 @pytest.mark.parametrize("kind", TABLES)
-def test_occluded_agrees_with_intersect(kind: str) -> None:
-    table = TABLES[kind](300, 9)
+def test_occluded_agrees_with_intersect(kind):
+    table = TABLES[kind]
     accel = built(table)
     origins, directions = _rays(5000, 10)
     hits = cast((table,), origins, directions, accel=accel)
@@ -321,9 +279,9 @@ def _packets(accel, packet, origins, directions, count, near, is_hit):
 
 
 @pytest.mark.parametrize("kind", TABLES)
-def test_a_ray_does_not_depend_on_its_neighbours(kind: str) -> None:
+def test_a_ray_does_not_depend_on_its_neighbours(kind):
     # Lanes are filled as paths live on, so bits must not depend on how many there are: determinism rests on it.
-    table = TABLES[kind](300, 11)
+    table = TABLES[kind]
     accel = built(table)
     origins, directions = _rays(840, 12)
     answers = []
@@ -336,7 +294,7 @@ def test_a_ray_does_not_depend_on_its_neighbours(kind: str) -> None:
         np.testing.assert_array_equal(is_hit, answers[0][1])
 
 
-def test_packet_is_laid_out_as_embree_reads_it() -> None:
+def test_packet_is_laid_out_as_embree_reads_it():
     # RTCRayHit8, embree4/rtcore_ray.h: rows of 8 words, 12 for the ray and at least 8 for the hit; 64-byte aligned.
     room = embree.ray_packets()
     assert room.floats.ctypes.data % 64 == 0
@@ -345,7 +303,7 @@ def test_packet_is_laid_out_as_embree_reads_it() -> None:
     assert np.shares_memory(room.floats, room.ints)
     assert (room.ints[:, embree.MASK] == 0xFFFFFFFF).all()
     assert room.floats.flags.c_contiguous
-    names = (
+    names = [
         "ORIGIN",
         "TNEAR",
         "DIRECTION",
@@ -360,12 +318,12 @@ def test_packet_is_laid_out_as_embree_reads_it() -> None:
         "PRIMITIVE",
         "GEOMETRY",
         "INSTANCE",
-    )
+    ]
     assert [getattr(embree, name) for name in names] == [0, 3, 4, 7, 8, 9, 10, 11, 12, 15, 16, 17, 18, 19]
 
 
 @pytest.mark.parametrize("name", ["collinear", "point", "nan", "sliver"])
-def test_broken_triangles_are_never_met(name: str) -> None:
+def test_broken_triangles_are_never_met(name):
     # Hard case 13: Embree is silent about them, and misses.
     corners = {
         "collinear": [[0, 0, 0], [1, 1, 1], [2, 2, 2]],
@@ -384,8 +342,8 @@ def test_broken_triangles_are_never_met(name: str) -> None:
 
 
 @pytest.mark.parametrize("kind", TABLES)
-def test_a_single_ray_meets_what_a_packet_meets(kind: str) -> None:
-    table = TABLES[kind](300, 13)
+def test_a_single_ray_meets_what_a_packet_meets(kind):
+    table = TABLES[kind]
     accel = built(table)
     origins, directions = _rays(500, 14)
     hits = cast((table,), origins, directions, accel=accel)
@@ -398,7 +356,7 @@ def test_a_single_ray_meets_what_a_packet_meets(kind: str) -> None:
             assert hit.distance == pytest.approx(hits.near[ray], rel=1e-5)
 
 
-def test_a_single_ray_can_go_on_behind_what_it_met() -> None:
+def test_a_single_ray_can_go_on_behind_what_it_met():
     table = Spheres(np.array([[0.0, 0.0, -5.0], [0.0, 0.0, -9.0]]), np.ones(2), np.zeros(2, np.int32))
     accel = built(table)
     beyond, distances = 0.0, []
@@ -411,7 +369,7 @@ def test_a_single_ray_can_go_on_behind_what_it_met() -> None:
 # ---- Placements
 
 
-def _pose(steps: int) -> tuple[NDArray[np.float32], ...]:
+def _pose(steps):
     """The identity, as a matrix for one time step, and as a scale, a quaternion and a translation for more."""
     if steps == 1:
         return (np.eye(3, 4, dtype=np.float32).reshape(1, 12),)
@@ -422,7 +380,7 @@ def _pose(steps: int) -> tuple[NDArray[np.float32], ...]:
 
 @pytest.mark.parametrize("steps", [1, 2, 5])
 @pytest.mark.parametrize("groups", [(0,), (1,), (2,), (1, 1), (2, 0), (0, 1, 2)])
-def test_each_placement_shows_its_group(steps: int, groups: tuple[int, ...]) -> None:
+def test_each_placement_shows_its_group(steps, groups):
     # Embree 4.4 has shown the first group in an array of one placement, whatever the index said.
     radii = (0.1, 0.2, 0.4)
     spheres = [{0: geometry(Spheres(np.zeros((1, 3)), np.array([radius]), np.zeros(1, np.int32)))} for radius in radii]

@@ -29,7 +29,7 @@ def _compiled(rows, table):
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-def test_lanes_are_numpys_arrays_of_eight(compiled: bool) -> None:
+def test_lanes_are_numpys_arrays_of_eight(compiled):
     rng = np.random.default_rng(5)
     rows, table = rng.random((14, WIDTH)), rng.random((WIDTH, 3))
     rows[12] = rng.permutation(WIDTH)
@@ -55,7 +55,7 @@ def test_lanes_are_numpys_arrays_of_eight(compiled: bool) -> None:
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-def test_what_is_no_number_is_in_its_lane_alone(compiled: bool) -> None:
+def test_what_is_no_number_is_in_its_lane_alone(compiled):
     rows, table = np.full((14, WIDTH), 4.0), np.zeros((8, 2))
     rows[12] = 0.0
     rows[0, 3], rows[1, 5] = -1.0, 0.0

@@ -4,117 +4,112 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from raytracer.core import vec
-from raytracer.core.vec import Vec3
+from raytracer.core.compiler.dispatch import kernel
+from tests.vectorised import rows, vectorised
 
-components = st.floats(-1e6, 1e6, allow_subnormal=False)
-vectors = st.tuples(components, components, components)
+RNG = np.random.default_rng(1)
+COUNT = 500
+
+# Of all sizes up to 1e6, with zeros and equal components among them.
+A, B = (
+    RNG.normal(size=(COUNT, 3)) * 10.0 ** RNG.uniform(-3, 6, (COUNT, 1)) * (RNG.random((COUNT, 3)) < 0.8)
+    for _ in range(2)
+)
+A[:3], B[:3] = [[0.0, -0.0, 0.0], [1.0, 1.0, 1.0], [-3.0, 0.0, 0.0]], [[0.0, 0.0, 2.0], [1.0, -1.0, 1.0], [3.0, 0, 0]]
+S = RNG.normal(size=COUNT) * 10.0 ** RNG.uniform(-6, 6, COUNT)
 
 
-@given(vectors, vectors, components)
-def test_arithmetic_is_that_of_numpy(a: Vec3, b: Vec3, s: float) -> None:
-    x, y = np.array(a), np.array(b)
-    np.testing.assert_array_equal(vec.add(a, b), x + y)
-    np.testing.assert_array_equal(vec.sub(a, b), x - y)
-    np.testing.assert_array_equal(vec.mul(a, b), x * y)
-    np.testing.assert_array_equal(vec.scale(s, a), s * x)
-    np.testing.assert_array_equal(vec.neg(a), -x)
+def units(vectors):
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+N, M = (units(np.add(vectors, [0.0, 1e-3, 0.0])) for vectors in (A[3:], B[3:]))
+
+
+@kernel
+def _arithmetic(a, b, s):
+    sums = vec.add(a, b), vec.sub(a, b), vec.mul(a, b), vec.scale(s, a), vec.neg(a)
+    return sums, vec.madd(a, s, b), vec.cross(a, b), vec.dot(a, b), vec.norm(a), vec.max_component(a), vec.max_abs(a)
+
+
+def test_arithmetic_is_that_of_numpy():
+    exact, madd, cross, dot, norm, largest, magnitude = vectorised(_arithmetic)(rows(A), rows(B), rows(S))
+    for result, expected in zip(exact, (A + B, A - B, A * B, S[:, None] * A, -A), strict=True):
+        np.testing.assert_array_equal(result, expected)
     # Contraction to fused multiply-adds may drop a rounding.
-    size = np.abs(x).max() * np.abs(y).max()
-    np.testing.assert_allclose(
-        vec.madd(a, s, b), x + s * y, rtol=0.0, atol=1e-15 * (np.abs(x).max() + abs(s) * np.abs(y).max())
-    )
-    assert vec.dot(a, b) == pytest.approx(float(x @ y), abs=1e-15 * 3.0 * size)
-    np.testing.assert_allclose(vec.cross(a, b), np.cross(x, y), rtol=0.0, atol=1e-15 * 2.0 * size)
-    assert vec.norm(a) == pytest.approx(float(np.linalg.norm(x)), rel=1e-15)
-    assert vec.max_component(a) == max(a)
-    assert vec.max_abs(a) == max(map(abs, a))
+    a, b = np.abs(A).max(axis=1), np.abs(B).max(axis=1)
+    assert (np.abs(madd - (A + S[:, None] * B)) <= 1e-15 * (a + np.abs(S) * b)[:, None]).all()
+    assert (np.abs(cross - np.cross(A, B)) <= 2e-15 * (a * b)[:, None]).all()
+    assert (np.abs(dot - (A * B).sum(axis=1)) <= 3e-15 * a * b).all()
+    np.testing.assert_allclose(norm, np.linalg.norm(A, axis=1), rtol=1e-15)
+    np.testing.assert_array_equal(largest, A.max(axis=1))
+    np.testing.assert_array_equal(magnitude, a)
 
 
-def test_black_is_all_zeros() -> None:
-    assert vec.is_black((0.0, -0.0, 0.0))
-    assert not vec.is_black((0.0, 1e-300, 0.0))
-    assert not vec.is_black((0.0, 0.0, math.nan))
+def test_black_is_all_zeros():
+    black = vectorised(vec.is_black)(rows([(0.0, -0.0, 0.0), (0.0, 1e-300, 0.0), (0.0, 0.0, math.nan)]))
+    assert black.tolist() == [True, False, False]
 
 
-@given(vectors.filter(lambda v: max(map(abs, v)) > 1e-3))
-def test_normalize_gives_unit_vectors(a: Vec3) -> None:
+@kernel
+def _lengths(a, error):
     unit = vec.normalize(a)
-    assert vec.norm(unit) == pytest.approx(1.0, abs=4e-16)
-    np.testing.assert_allclose(np.cross(unit, a) / np.linalg.norm(a), 0.0, atol=1e-15)
+    return unit, vec.renormalize(vec.scale(1.0 + error, unit))
 
 
-@given(vectors.filter(lambda v: max(map(abs, v)) > 1e-3), st.floats(-1e-4, 1e-4))
-def test_renormalize_squares_the_error_of_a_length(a: Vec3, error: float) -> None:
-    mended = vec.renormalize(vec.scale(1.0 + error, vec.normalize(a)))
-    assert vec.norm(mended) == pytest.approx(1.0, abs=1.6 * error**2 + 1e-15)
-
-
-def test_normalize_of_zero_is_not_a_number() -> None:
-    assert all(math.isnan(component) for component in vec.normalize((0.0, 0.0, 0.0)))
+def test_normalize_gives_unit_vectors_and_renormalize_squares_the_error_of_a_length():
+    error = np.linspace(-1e-4, 1e-4, COUNT - 3)
+    a = np.add(A[3:], [0.0, 0.01, 0.0])
+    unit, mended = vectorised(_lengths)(rows(a), rows(error))
+    np.testing.assert_allclose(np.linalg.norm(unit, axis=1), 1.0, rtol=0.0, atol=4e-16)
+    np.testing.assert_allclose(np.cross(unit, units(a)), 0.0, atol=1e-15)
+    assert (np.abs(np.linalg.norm(mended, axis=1) - 1.0) <= 1.6 * error**2 + 1e-15).all()
+    assert np.isnan(vectorised(vec.normalize)(rows([(0.0, 0.0, 0.0)]))).all()
 
 
 HARD_NORMALS = [
     # Where Frisvad's frame is wrong by 0.29 in float32 (Duff et al. 2017); hard case 36.
     (0.00038527316, 0.00038460016, -0.99999988079),
-    (0.0, 0.0, 1.0),
-    (0.0, 0.0, -1.0),
-    (1.0, 0.0, 0.0),
-    (0.0, -1.0, 0.0),
-    (1e-17, 1e-17, -1.0),
-    (1.0, 0.0, -0.0),
+    *((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (1e-17, 1e-17, -1.0), (1.0, 0.0, -0.0)),
     # The same at the pole of our frame, and where squares underflow.
     (0.00038527316, -0.99999988079, 0.00038460016),
-    (1e-17, -1.0, -1e-17),
-    (1e-150, -1.0, 1e-151),
-    (-1e-154, -1.0, 1e-154),
-    (1e-160, -1.0, 0.0),
-    (0.0, 1.0, 1e-160),
+    *((1e-17, -1.0, -1e-17), (1e-150, -1.0, 1e-151), (-1e-154, -1.0, 1e-154), (1e-160, -1.0, 0.0), (0.0, 1.0, 1e-160)),
 ]
 
 
-@pytest.mark.parametrize("normal", HARD_NORMALS)
-def test_basis_at_hard_normals(normal: Vec3) -> None:
-    _check_basis(vec.normalize(normal))
+@kernel
+def _frame(normal, local):
+    s, t = vec.basis(normal)
+    return s, t, vec.to_world(local, s, t, normal)
 
 
-@given(vectors.filter(lambda v: max(map(abs, v)) > 1e-3))
-def test_basis_is_a_right_handed_frame(a: Vec3) -> None:
-    _check_basis(vec.normalize(a))
+def test_basis_is_a_right_handed_frame():
+    n, local = np.concatenate([units(np.array(HARD_NORMALS)), N]), (0.2, -0.5, 0.7)
+    s, t, world = vectorised(_frame)(rows(n), local)
+    frames = np.stack([s, t, n], axis=1)
+    # Three products of two numbers each, which are wrong by up to four roundings.
+    products = frames @ frames.transpose(0, 2, 1)
+    np.testing.assert_allclose(products, np.broadcast_to(np.eye(3), products.shape), rtol=0.0, atol=3e-15)
+    np.testing.assert_allclose(np.cross(s, t), n, rtol=0.0, atol=3e-15)
+    # Coordinates in the frame come out in the world, the third along the normal.
+    np.testing.assert_allclose(world, np.array(local) @ frames, rtol=0.0, atol=1e-15)
 
 
 @pytest.mark.parametrize("plane", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.0, -0.8)])
-def test_basis_is_continuous(plane: Vec3) -> None:
+def test_basis_is_continuous(plane):
     # Normals on both sides of a plane: a frame that is turned the shortest way from y changes by |dn| / cos(angle / 2).
-    rng = np.random.default_rng(3)
-    across = 1e-7 * np.array(plane)
-    for normal in rng.normal(size=(200, 3)):
-        within = normal - (normal @ plane) * np.array(plane)
-        n, m = (vec.normalize(tuple((within + side * across).tolist())) for side in (1.0, -1.0))
-        # cos^2 (angle / 2) = (1 + y) / 2.
-        bound = np.linalg.norm(np.subtract(n, m)) * math.sqrt(2.0 / (1.0 + min(n[1], m[1])))
-        for one, other in zip(vec.basis(n), vec.basis(m), strict=True):
-            assert np.linalg.norm(np.subtract(one, other)) <= 1.001 * bound + 3e-15
+    normals = np.random.default_rng(3).normal(size=(200, 3))
+    within = normals - (normals @ plane)[:, None] * plane
+    n, m = (units(within + side * 1e-7 * np.array(plane)) for side in (1.0, -1.0))
+    # cos^2 (angle / 2) = (1 + y) / 2.
+    bound = np.linalg.norm(n - m, axis=1) * np.sqrt(2.0 / (1.0 + np.minimum(n[:, 1], m[:, 1])))
+    for one, other in zip(vectorised(vec.basis)(rows(n)), vectorised(vec.basis)(rows(m)), strict=True):
+        assert (np.linalg.norm(one - other, axis=1) <= 1.001 * bound + 3e-15).all()
 
 
-def _check_basis(n: Vec3) -> None:
-    s, t = vec.basis(n)
-    frame = np.array([s, t, n])
-    # Three products of two numbers each, which are wrong by up to four roundings.
-    np.testing.assert_allclose(frame @ frame.T, np.eye(3), rtol=0.0, atol=3e-15)
-    np.testing.assert_allclose(np.cross(s, t), n, rtol=0.0, atol=3e-15)
-    # Coordinates in the frame come out in the world, the third along the normal.
-    local = (0.2, -0.5, 0.7)
-    np.testing.assert_allclose(vec.to_world(local, s, t, n), np.array(local) @ frame, rtol=0.0, atol=1e-15)
-
-
-@given(vectors.filter(lambda v: max(map(abs, v)) > 1e-3), vectors.filter(lambda v: max(map(abs, v)) > 1e-3))
-def test_reflection_keeps_the_tangential_part_and_turns_the_normal_one(a: Vec3, b: Vec3) -> None:
-    d, n = vec.normalize(a), vec.normalize(b)
-    r = np.array(vec.reflect(d, n))
-    assert r @ n == pytest.approx(-np.dot(d, n), abs=1e-15)
-    np.testing.assert_allclose(np.cross(r, n), np.cross(d, n), rtol=0.0, atol=2e-15)
-    np.testing.assert_allclose(vec.reflect(vec.reflect(d, n), n), d, rtol=0.0, atol=4e-15)
+def test_reflection_keeps_the_tangential_part_and_turns_the_normal_one():
+    reflected = vectorised(vec.reflect)(rows(N), rows(M))
+    np.testing.assert_allclose((reflected * M).sum(axis=1), -(N * M).sum(axis=1), rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(np.cross(reflected, M), np.cross(N, M), rtol=0.0, atol=2e-15)

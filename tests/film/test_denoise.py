@@ -2,7 +2,6 @@
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -19,19 +18,19 @@ SIZE = (36, 48)
 
 
 @pytest.fixture
-def image() -> Image:
+def image():
     # A step of light, with the noise of exponentially distributed samples.
     rng = np.random.default_rng(3)
     clean = np.where(np.arange(SIZE[1])[:, None] < 24, 0.5, 2.0) * np.ones((*SIZE, 3))
     return Image(clean * rng.exponential(1.0, (*SIZE, 3)), np.ones((*SIZE, 3)), 1, {"spp": 1}, {"depth": np.ones(SIZE)})
 
 
-def guides() -> tuple[np.ndarray, np.ndarray]:
+def guides():
     albedo = np.where(np.arange(SIZE[1])[:, None] < 24, 0.2, 0.8) * np.ones((*SIZE, 3))
     return albedo, np.broadcast_to([0.0, 0.0, 1.0], (*SIZE, 3))
 
 
-def test_error_falls_and_the_noisy_picture_is_kept(image: Image) -> None:
+def test_error_falls_and_the_noisy_picture_is_kept(image):
     pytest.importorskip("pyoidn")
     clean = np.where(np.arange(SIZE[1])[:, None] < 24, 0.5, 2.0)
     kept = image.radiance.copy()
@@ -43,20 +42,20 @@ def test_error_falls_and_the_noisy_picture_is_kept(image: Image) -> None:
     assert set(result.layers) == {"depth", "noisy"}
     # It is the variance of the noisy picture, and not of this one.
     assert result.variance is None
-    assert result.settings["denoised"].startswith("oidn 2.")  # type: ignore[union-attr]
+    assert result.settings["denoised"].startswith("oidn 2.")
     assert "biased" in str(result.settings["denoised"])
     # The guides tell where the step is, so that it stays between two columns.
     assert result.radiance[:, 23].mean() < 0.8
     assert result.radiance[:, 24].mean() > 1.6
 
 
-def test_the_result_does_not_depend_on_threads(image: Image) -> None:
+def test_the_result_does_not_depend_on_threads(image):
     pytest.importorskip("pyoidn")
     one, three = (denoise(image, *guides(), threads=threads).radiance for threads in (1, 3))
     np.testing.assert_array_equal(one, three)
 
 
-def test_what_is_not_finite_or_too_bright_does_no_harm(image: Image) -> None:
+def test_what_is_not_finite_or_too_bright_does_no_harm(image):
     pytest.importorskip("pyoidn")
     radiance = image.radiance.copy()
     radiance[3, 3] = 1e300
@@ -64,20 +63,20 @@ def test_what_is_not_finite_or_too_bright_does_no_harm(image: Image) -> None:
     assert np.isfinite(denoise(replace(image, radiance=radiance), *guides()).radiance).all()
 
 
-def test_a_missing_extra_is_told_with_the_command_that_brings_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_extra_is_told_with_the_command_that_brings_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     with pytest.raises(InputError, match=r"not installed: pip install 'raytracer\[denoise\]'"):
         require_denoiser()
 
 
-def test_a_library_that_does_not_load_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_library_that_does_not_load_is_told(monkeypatch):
     class Broken:
         OIDN_DEVICE_TYPE_CPU = 1
 
-        def Device(self, kind: int) -> None:  # noqa: N802
+        def Device(self, kind):  # noqa: N802
             raise OSError("cannot load library")
 
-    monkeypatch.setitem(sys.modules, "pyoidn", Broken())  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "pyoidn", Broken())
     with pytest.raises(InputError, match="cannot be loaded: cannot load library"):
         require_denoiser()
 
@@ -93,11 +92,11 @@ objects:
 
 
 @pytest.mark.slow
-def test_a_render_is_nearer_to_its_reference_and_says_that_it_is_denoised(tmp_path: Path) -> None:
+def test_a_render_is_nearer_to_its_reference_and_says_that_it_is_denoised(tmp_path):
     pytest.importorskip("pyoidn")
     settings = {"width": 64, "height": 48, "sampler": "independent"}
-    few = scene(BALL, spp=4, **settings)  # type: ignore[arg-type]
-    reference = render(scene(BALL, spp=2048, **settings), seed=9, threads=2).image.radiance  # type: ignore[arg-type]
+    few = scene(BALL, spp=4, **settings)
+    reference = render(scene(BALL, spp=2048, **settings), seed=9, threads=2).image.radiance
     noisy = render(few, seed=1, threads=2, aovs=["depth"]).image
     result = render(few, seed=1, threads=2, aovs=["depth"], denoise=True)
     clean = result.image
@@ -117,7 +116,7 @@ def test_a_render_is_nearer_to_its_reference_and_says_that_it_is_denoised(tmp_pa
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
         assert {"noisy.R", "noisy.G", "noisy.B", "depth.Z"} <= set(file.channels())
     with PIL.Image.open(tmp_path / "a.png") as picture:
-        assert "biased" in picture.text["denoised"]  # type: ignore[attr-defined]
+        assert "biased" in picture.text["denoised"]
     assert b"rt.denoised=oidn" in (tmp_path / "a.hdr").read_bytes()
     noisy.save(tmp_path / "b.exr")
     assert "denoised" not in load_layers(tmp_path / "b.exr")[1]

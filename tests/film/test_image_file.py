@@ -15,10 +15,9 @@ from raytracer.util.errors import InputError, OutputError
 SUFFIXES = [".png", ".jpg", ".jpeg", ".exr", ".hdr", ".npy"]
 
 posix_only = pytest.mark.skipif(sys.platform == "win32", reason="devices, links and modes of POSIX")
+
+
 unless_root = pytest.mark.skipif(hasattr(os, "geteuid") and os.geteuid() == 0, reason="root may write anywhere")
-
-
-# ---- what is written is read back ----
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -33,9 +32,6 @@ def test_the_same_image_gives_the_same_bytes(suffix, image, tmp_path):
     for name in "ab":
         image.save(tmp_path / (name + suffix))
     assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
-
-
-# ---- writing ----
 
 
 def test_folders_are_made(image, tmp_path):
@@ -109,9 +105,6 @@ def test_a_new_file_has_the_mode_that_the_umask_gives(image, tmp_path):
     assert (tmp_path / "a.png").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
-# ---- checking before ----
-
-
 @pytest.mark.parametrize("name", ["a.tiff", "a", "a.png.bak", ".png"])
 def test_an_unknown_suffix_is_told_with_the_known_ones(name, image, tmp_path):
     for call in (check_writable, image.save, load):
@@ -175,9 +168,6 @@ def test_a_loop_of_links(tmp_path):
     (tmp_path / "b.png").symlink_to(tmp_path / "a.png")
     with pytest.raises(InputError):
         check_writable(tmp_path / "a.png")
-
-
-# ---- reading what is broken ----
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -26,18 +26,18 @@ objects:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "lamp.yaml").write_text(LAMP)
     return tmp_path
 
 
-def test_a_picture_without_any_has_none() -> None:
+def test_a_picture_without_any_has_none():
     assert find_negative_pixels(np.zeros((2, 3, 3)), [FILTER]) == (0, {})
     assert find_negative_pixels(np.full((2, 3, 3), np.nan), []) == (0, {})
 
 
-def test_pixels_are_counted_and_the_lowest_is_placed_in_the_whole_picture() -> None:
+def test_pixels_are_counted_and_the_lowest_is_placed_in_the_whole_picture():
     values = np.ones((4, 5, 3))
     values[1, 2] = (-1.0, -2.0, 0.0)
     values[3, 0, 2] = -0.5
@@ -64,12 +64,12 @@ def test_pixels_are_counted_and_the_lowest_is_placed_in_the_whole_picture() -> N
         ("lecture/iso_noise", {"film.filter": "mitchell"}, (READ_NOISE,)),
     ],
 )
-def test_causes_are_those_of_the_scene(name: str, overrides: dict[str, object], causes: tuple[str, ...]) -> None:
+def test_causes_are_those_of_the_scene(name, overrides, causes):
     packed = pack(load(SCENES / f"{name}.yaml", overrides))
     assert negative_causes(packed.spec, packed.scene) == causes
 
 
-def test_light_of_one_wavelength_is_never_negative() -> None:
+def test_light_of_one_wavelength_is_never_negative():
     text = (
         "camera: {type: ray, wavelength: 490}\nfilm: {width: 4, height: 4}\n"
         "objects: [{type: sphere, center: [0, 0, -3], radius: 1, material: {type: dielectric, ior: N-SF11}}]\n"
@@ -79,7 +79,7 @@ def test_light_of_one_wavelength_is_never_negative() -> None:
     assert negative_causes(packed.spec, packed.scene) == ()
 
 
-def test_the_filter_rings_beside_an_edge_by_its_lobes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_filter_rings_beside_an_edge_by_its_lobes(folder, capsys):
     assert main(["render", "lamp.yaml", "-o", "a.npy", "--stats", "a.json", "--strict"]) == 0
     values, stats = np.load("a.npy"), json.loads(Path("a.json").read_text())
     # The lamp begins 1.5 pixels from the middles of column 8: on it lies what of the outer lobe is farther away, all of
@@ -97,9 +97,7 @@ def test_the_filter_rings_beside_an_edge_by_its_lobes(folder: Path, capsys: pyte
     assert f"{stats['negative_pixels']} pixels below zero, to {values.min():.3g}, by the negative lobes" in told
 
 
-def test_what_nothing_explains_is_a_fault(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_nothing_explains_is_a_fault(folder, capsys, monkeypatch):
     monkeypatch.setattr("raytracer.rendering.session.negative_causes", lambda spec, scene: ())
     words = ["render", "lamp.yaml", "-q", "-o", "a.npy", "--crop", "4,2,12,9"]
     assert main([*words, "--stats", "a.json"]) == 0
@@ -114,14 +112,14 @@ def test_what_nothing_explains_is_a_fault(
     assert Path("a.npy").exists()
 
 
-def test_sentences_name_all_causes() -> None:
+def test_sentences_name_all_causes():
     found = {"lowest": -0.25, "pixel": [0, 0], "causes": [FILTER, SPECTRAL]}
     assert describe_negative_pixels(1, found) == (
         "1 pixel below zero, to -0.25, by the negative lobes of the filter and colours of single wavelengths"
     )
 
 
-def test_a_picture_of_a_mean_below_zero_is_balanced_without_turning_it_over() -> None:
+def test_a_picture_of_a_mean_below_zero_is_balanced_without_turning_it_over():
     # Cyan of a spectrum: the luminance of the mean is below zero.
     balance = balance_gains("auto", np.full((2, 2, 3), (-2.0, 0.1, 0.2)))
     assert (balance > 0.0).all()

@@ -1,7 +1,5 @@
 """Tone curves: their anchors, their shape, and that only what is shown goes through them."""
 
-from pathlib import Path
-
 import numpy as np
 import PIL.Image
 import pytest
@@ -19,7 +17,7 @@ def _hable(x):
 
 
 @pytest.mark.parametrize("white", WHITES)
-def test_black_grey_and_white_are_where_they_belong(white: float) -> None:
+def test_black_grey_and_white_are_where_they_belong(white):
     curve = Filmic(white)
     assert curve(0.0) == 0.0
     assert curve(white) == pytest.approx(1.0, rel=1e-12)
@@ -29,43 +27,32 @@ def test_black_grey_and_white_are_where_they_belong(white: float) -> None:
 
 
 @pytest.mark.parametrize("white", WHITES)
-def test_it_rises_everywhere_with_a_toe_and_a_shoulder(white: float) -> None:
-    x = np.geomspace(1e-4, white, 20_001)
-    y = Filmic(white)(x)
-    slope = np.diff(y) / np.diff(x)
-    assert (slope > 0.0).all()
-    # It is steeper above the toe, and flattens towards white.
-    assert slope.argmax() > 0
-    assert slope[-1] < 0.5 * slope.max()
-
-
-@pytest.mark.parametrize("white", WHITES)
-def test_it_is_hables_curve(white: float) -> None:
+def test_it_is_hables_curve(white):
     curve = Filmic(white)
     x = np.linspace(0.0, white, 101)
     scale = curve._scale
     np.testing.assert_allclose(curve(x), _hable(scale * x) / _hable(scale * white), rtol=1e-9, atol=1e-12)
 
 
-def test_what_is_outside_is_clipped_and_nan_stays() -> None:
+def test_what_is_outside_is_clipped_and_nan_stays():
     curve = Filmic(4.0)
     np.testing.assert_allclose(curve([-1.0, 5.0, np.inf, -np.inf]), [0.0, 1.0, 1.0, 0.0], rtol=1e-12)
     assert np.isnan(curve(np.nan))
 
 
-def test_white_is_where_the_sensor_saturates_if_there_is_one() -> None:
+def test_white_is_where_the_sensor_saturates_if_there_is_one():
     assert ToneCurveSpec().curve(saturates=True) is None
     assert ToneCurveSpec(type="filmic").curve(saturates=True) == Filmic(1.0)
     assert ToneCurveSpec(type="filmic").curve(saturates=False) == Filmic(4.0)
     assert ToneCurveSpec(type="filmic", white=8.0).curve(saturates=True) == Filmic(8.0)
 
 
-def test_a_linear_curve_has_no_white() -> None:
+def test_a_linear_curve_has_no_white():
     with pytest.raises(ValidationError, match="only the tone curve filmic has a white"):
         ToneCurveSpec(white=2.0)
 
 
-def test_only_what_is_shown_goes_through_it(tmp_path: Path) -> None:
+def test_only_what_is_shown_goes_through_it(tmp_path):
     values = np.geomspace(1e-3, 8.0, 60).reshape(4, 5, 3)
     image = Image(values, tone_curve=Filmic(4.0))
     for name in ("a.npy", "a.exr", "a.hdr", "a.png"):

@@ -21,11 +21,11 @@ NOTHING = np.zeros((2, 2, 3))
         (7504.0, 0.29903, 0.31488),
     ],
 )
-def test_lights_have_the_chromaticity_of_the_standard(temperature: float, x: float, y: float) -> None:
+def test_lights_have_the_chromaticity_of_the_standard(temperature, x, y):
     np.testing.assert_allclose(chromaticity(temperature), (x, y), atol=6e-4)
 
 
-def black_body(temperature: float) -> np.ndarray:
+def black_body(temperature):
     """Linear Rec. 709 of Planck's law, by the CIE's observer, up to a factor."""
     nm = np.arange(380.0, 781.0, 5.0)
     spectrum = nm**-5 / np.expm1(1.438777e7 / (nm * temperature))
@@ -38,49 +38,49 @@ def black_body(temperature: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("temperature", [2200.0, 2856.0, 3200.0, 3900.0])
-def test_a_black_body_of_that_temperature_becomes_neutral(temperature: float) -> None:
+def test_a_black_body_of_that_temperature_becomes_neutral(temperature):
     balanced = balance_gains(temperature, NOTHING) * black_body(temperature)
     # The analytic observer of the test is within 1 %, which the small blue of warm light shows most.
     np.testing.assert_allclose(balanced / balanced[1], 1.0, rtol=0.06)
 
 
-def test_another_light_does_not() -> None:
+def test_another_light_does_not():
     balanced = balance_gains(3200.0, NOTHING) * black_body(2200.0)
     assert balanced[0] > 1.3 * balanced[1] > 1.5 * balanced[2]
 
 
 @pytest.mark.parametrize("temperature", [2000.0, 3999.0, 4000.0, 6504.0, 7000.0, 25000.0])
-def test_balanced_light_is_grey_of_the_same_luminance(temperature: float) -> None:
+def test_balanced_light_is_grey_of_the_same_luminance(temperature):
     found = illuminant_rgb(temperature)
     assert (found > 0.0).all()
     assert luminance(found) == pytest.approx(1.0, rel=1e-12)
     np.testing.assert_allclose(balance_gains(temperature, NOTHING) * found, 1.0, rtol=1e-12)
 
 
-def test_the_white_of_the_display_stays_as_it_is() -> None:
+def test_the_white_of_the_display_stays_as_it_is():
     # D65, the white of Rec. 709, has 6504 K.
     np.testing.assert_allclose(balance_gains(6504.0, NOTHING), 1.0, atol=1e-3)
 
 
-def test_a_higher_temperature_makes_the_picture_warmer() -> None:
+def test_a_higher_temperature_makes_the_picture_warmer():
     ratios = [
         balance_gains(float(t), NOTHING)[0] / balance_gains(float(t), NOTHING)[2] for t in range(2000, 25000, 500)
     ]
     assert (np.diff(ratios) > 0.0).all()
 
 
-def test_auto_makes_the_mean_grey() -> None:
+def test_auto_makes_the_mean_grey():
     values = np.random.default_rng(5).random((9, 7, 3)) * [1.0, 0.5, 0.1]
     mean = (balance_gains("auto", values) * values).mean(axis=(0, 1))
     np.testing.assert_allclose(mean, luminance(values.mean(axis=(0, 1))), rtol=1e-12)
 
 
-def test_auto_leaves_what_is_not_there() -> None:
+def test_auto_leaves_what_is_not_there():
     found = balance_gains("auto", np.broadcast_to([1.0, 0.5, 0.0], (2, 2, 3)))
     assert found[2] == 1.0
     assert found[0] == pytest.approx(0.5 * found[1])
     np.testing.assert_array_equal(balance_gains("auto", NOTHING), 1.0)
 
 
-def test_gains_are_taken_as_they_are() -> None:
+def test_gains_are_taken_as_they_are():
     np.testing.assert_array_equal(balance_gains((2.0, 1.0, 1.5), NOTHING), [2.0, 1.0, 1.5])

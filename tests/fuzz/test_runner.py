@@ -12,14 +12,14 @@ pytest.importorskip("atheris", reason="atheris has wheels for Linux on x86-64 al
 
 
 def fuzz(*arguments):
-    command = [sys.executable, "-m", "tests.fuzz", *arguments, "--json"]
+    command = [sys.executable, "-m", "tests.fuzz", *map(str, arguments), "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     (result,) = json.loads(done.stdout)
     return done.returncode, result
 
 
 def test_planted_mistakes_are_found(tmp_path):
-    status, result = fuzz("planted", "--executions", "5000", "--findings", str(tmp_path))
+    status, result = fuzz("planted", "--executions", 5000, "--findings", tmp_path)
     assert status == 1
     # Each once, by the line that it comes from, however often it was met.
     assert [name.split("-")[0] for name in result["findings"]] == ["RecursionError", "ValueError", "memory"]
@@ -28,16 +28,16 @@ def test_planted_mistakes_are_found(tmp_path):
 
 
 def test_what_hangs_is_found(tmp_path):
-    status, result = fuzz("planted_hang", "--executions", "5000", "--timeout", "1", "--findings", str(tmp_path))
+    status, result = fuzz("planted_hang", "--executions", 5000, "--timeout", 1, "--findings", tmp_path)
     assert status == 1
     # On a busy machine anything may take a second.
-    name = next(name for name in result["findings"] if name.startswith("hang-targets.planted_hang-"))
+    name = next(name for name in result["findings"] if name.startswith("hang-targets.planted-"))
     assert (tmp_path / "planted_hang" / f"{name}.input").read_bytes().startswith(b"ha")
-    assert "planted_hang.py" in (tmp_path / "planted_hang" / f"{name}.txt").read_text()
+    assert "in hang" in (tmp_path / "planted_hang" / f"{name}.txt").read_text()
 
 
 def test_a_sound_loader_passes(tmp_path):
-    status, result = fuzz("geometry", "--executions", "300", "--findings", str(tmp_path))
+    status, result = fuzz("geometry", "--executions", 300, "--findings", tmp_path)
     assert status == 0
     assert result["findings"] == []
     assert result["executions"] == 300

@@ -11,96 +11,72 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 
-ROOT = Path(__file__).parents[2]
+from tests.repository import ROOT
+
 WIDTH = 400
 
 
 # ---- Mechanisms, taken out
 
 
-def no_offsets() -> None:
+def no_offsets():
     """Rays start on the surface that they leave."""
     from raytracer.core import geometry
 
     geometry.OFFSET_ULPS = 0.0
 
 
-def fixed_offset(metres: float) -> Callable[[], None]:
+def fixed_offset(metres):
     """Rays start at the same distance from any surface."""
+    from raytracer.core import geometry
+    from raytracer.core.compiler.dispatch import kernel
+    from raytracer.core.primitives import discs, parallelograms, spheres, translated, triangles
 
-    def patch() -> None:
-        from raytracer.core import geometry
-        from raytracer.core.primitives import discs, parallelograms, spheres, translated, triangles
+    def hit_offset(accuracy, extent, near):
+        return metres
 
-        def hit_offset(accuracy, extent, near):  # type: ignore[no-untyped-def]
-            return metres
-
-        for module in (geometry, discs, parallelograms, spheres, translated, triangles):
-            if hasattr(module, "hit_offset"):
-                module.hit_offset = _compiled(hit_offset)
-
-    return patch
+    for module in (geometry, discs, parallelograms, spheres, translated, triangles):
+        if hasattr(module, "hit_offset"):
+            module.hit_offset = kernel(hit_offset)
 
 
-def least_distance(metres: float) -> Callable[[], None]:
-    """Rays start on the surface that they leave, and do not see what is nearer than a fixed distance."""
+def least_distance():
+    """Rays start on the surface that they leave, and do not see what is nearer than a millimetre."""
+    from raytracer.core import embree
+    from raytracer.core.compiler.dispatch import kernel
+    from raytracer.core.embree import DIRECTION, ORIGIN, TFAR, TNEAR
 
-    def patch() -> None:
-        from raytracer.core import embree
-        from raytracer.core.embree import DIRECTION, ORIGIN, TFAR, TNEAR
+    def set_ray(packet, lane, origin, direction, tfar):
+        for axis in range(3):
+            embree.store_float(packet, lane, ORIGIN + axis, origin[axis])
+            embree.store_float(packet, lane, DIRECTION + axis, direction[axis])
+        embree.store_float(packet, lane, TNEAR, 1e-3)
+        embree.store_float(packet, lane, TFAR, tfar)
 
-        def set_ray(packet, lane, origin, direction, tfar):  # type: ignore[no-untyped-def]
-            for axis in range(3):
-                embree.store_float(packet, lane, ORIGIN + axis, origin[axis])
-                embree.store_float(packet, lane, DIRECTION + axis, direction[axis])
-            embree.store_float(packet, lane, TNEAR, metres)
-            embree.store_float(packet, lane, TFAR, tfar)
-
-        fixed_offset(0.0)()
-        embree.set_ray = _compiled(set_ray)
-
-    return patch
+    fixed_offset(0.0)
+    embree.set_ray = kernel(set_ray)
 
 
-def not_recentred() -> None:
+def not_recentred():
     """Scenes are packed where they are."""
     from raytracer.scene.pack import origin_shift
 
     origin_shift._LEAST_GAIN = np.inf
 
 
-def _compiled(function: Callable[..., Any]) -> Any:
-    from raytracer.core.compiler.dispatch import kernel
-
-    return kernel(function)
-
-
 # ---- Scenes
 
 
-def _cover(keys: Mapping[str, Any]) -> Any:
-    """The cover, with these overrides."""
-    from raytracer.scene.load import load
+def _cover(keys, by=(0.0, 0.0, 0.0)):
+    """The cover, with these overrides, moved by a vector."""
+    from tests.moving import checked, document, moved
 
-    size = {"film.width": WIDTH, "film.height": WIDTH * 9 // 16}
-    return load(ROOT / "scenes" / "cover.yaml", {**size, **keys})
-
-
-def _moved_cover(keys: Mapping[str, Any]) -> Any:
-    """The cover, a million metres from the origin along each axis."""
-    by = np.array([1e6, -1e6, 1e6])
-    spec = _cover(keys)
-    camera = {key: (np.array(getattr(spec.camera, key)) + by).tolist() for key in ("look_from", "look_at")}
-    moved = {f"camera.{key}": value for key, value in camera.items()}
-    for number in range(len(spec.objects)):
-        moved[f"objects[{number}].transform"] = [{"translate": by.tolist()}]
-    return _cover({**keys, **moved})
+    path = ROOT / "scenes" / "cover.yaml"
+    film = {"width": WIDTH, "height": WIDTH * 9 // 16}
+    return checked(moved(document(path), by), path.parent, film=film, render=keys)
 
 
 _PLANET = """
@@ -143,115 +119,89 @@ objects:
 """
 
 
-def _written(text: str) -> Callable[[Mapping[str, Any]], Any]:
-    def scene(keys: Mapping[str, Any]) -> Any:
+def _written(text):
+    def scene(keys):
         from raytracer.scene.load import build
 
-        return build(text, "picture.yaml", keys)
+        return build(text, "picture.yaml", {f"render.{key}": value for key, value in keys.items()})
 
     return scene
 
 
 # ---- Pictures
 
-
-class Panel(NamedTuple):
-    """A picture of a row: its caption, the keys that it changes, and what is taken out of the program."""
-
-    caption: str
-    keys: Mapping[str, Any] = {}
-    patch: Callable[[], None] | None = None
-
-
-class Row(NamedTuple):
-    """Pictures of a scene, as a function of the keys that are changed; how many samples a pixel they have."""
-
-    scene: Callable[[Mapping[str, Any]], Any]
-    spp: int
-    panels: Sequence[Panel]
-
-
-FAST = {"render.accuracy": "fast"}
+FAST = {"accuracy": "fast"}
+CHANCE = {"light_sampling": "paths"}
 
 ROWS = {
-    "acne": Row(
+    "acne": (
         _cover,
-        64,
-        [
-            Panel("naive: rays start on the surface", FAST, no_offsets),
-            Panel("rays start off it by its error bound"),
-        ],
+        ("naive: rays start on the surface", FAST, no_offsets),
+        ("rays start off it by its error bound", {}, None),
     ),
-    "banding": Row(
+    "banding": (
         _written(_PLANET),
-        64,
-        [
-            Panel("naive: float32 hits, rays start 1 mm off", FAST, fixed_offset(1e-3)),
-            Panel("hits solved again in float64"),
-        ],
+        ("naive: float32 hits, rays start 1 mm off", FAST, lambda: fixed_offset(1e-3)),
+        ("hits solved again in float64", {}, None),
     ),
-    "far": Row(
-        _moved_cover,
-        64,
-        [
-            Panel("naive: packed where it is, 1,700 km out", FAST, not_recentred),
-            Panel("recentred in float64"),
-        ],
+    "far": (
+        # A million metres from the origin along each axis.
+        lambda keys: _cover(keys, (1e6, -1e6, 1e6)),
+        ("naive: packed where it is, 1,700 km out", FAST, not_recentred),
+        ("recentred in float64", {}, None),
     ),
-    "fireflies": Row(
+    "fireflies": (
         _written(_CAUSTIC),
-        64,
-        [
-            Panel("naive: lights are met by chance", {"render.light_sampling": "paths"}),
-            Panel("aimed at, and weighted"),
-            Panel("and with `clamp: 4`, which says what it took", {"render.clamp": 4}),
-        ],
+        ("naive: lights are met by chance", CHANCE, None),
+        ("aimed at, and weighted", {}, None),
+        ("and with `clamp: 4`, which says what it took", {"clamp": 4}, None),
     ),
-    "leaks": Row(
+    "leaks": (
         _written(_DOLLS_HOUSE),
-        100,
-        [
-            Panel("naive: nothing nearer than 1 mm is seen", {}, least_distance(1e-3)),
-            Panel("no such distance: dark corners"),
-        ],
+        ("naive: nothing nearer than 1 mm is seen", {}, least_distance),
+        ("no such distance: dark corners", {}, None),
     ),
 }
+"""Rows of pictures: their scene as a function of the keys of `render` that are changed, and for each picture its
+caption, the keys that it changes, and what is taken out of the program."""
+
+SPP = {"leaks": 100}
 
 
-def rendered(name: str, number: int, out: Path) -> None:
+def rendered(name, number, out):
     """Render one panel into a file (height, width, 3) of bytes."""
-    row = ROWS[name]
-    panel = row.panels[number]
-    if panel.patch is not None:
-        panel.patch()
+    scene, *panels = ROWS[name]
+    _, keys, patch = panels[number]
+    if patch is not None:
+        patch()
     from raytracer.rendering.render import render
 
-    np.save(out, render(row.scene(panel.keys), spp=row.spp).image.display())
+    np.save(out, render(scene(keys), spp=SPP.get(name, 64)).image.display())
 
 
-def composed(name: str) -> None:
+def composed(name):
     """Render all panels of a row, each in a process of its own, and put them side by side."""
     from docs.make_gallery import GALLERY, save_small, sheet
 
+    _, *panels = ROWS[name]
     pictures = []
     with tempfile.TemporaryDirectory() as folder:
-        for number, panel in enumerate(ROWS[name].panels):
-            out = Path(folder) / f"{number}.npy"
+        for number, (_, _, patch) in enumerate(panels):
+            out = f"{folder}/{number}.npy"
             # What is patched is not in the sources, by which the cache tells kernels apart.
-            cache = {} if panel.patch is None else {"RAYTRACER_CACHE_DIR": str(Path(folder) / f"cache_{number}")}
-            command = [sys.executable, "-m", "tests.hard_cases.pictures", "--one", json.dumps([name, number, str(out)])]
+            cache = {} if patch is None else {"RAYTRACER_CACHE_DIR": f"{folder}/cache_{number}"}
+            command = [sys.executable, "-m", "tests.hard_cases.pictures", "--one", json.dumps([name, number, out])]
             subprocess.run(command, check=True, cwd=ROOT, env={**os.environ, **cache})
             pictures.append(np.load(out))
     target = GALLERY / f"hard_{name}.jpg"
-    save_small(sheet(pictures, [panel.caption for panel in ROWS[name].panels], len(pictures)), target)
+    save_small(sheet(pictures, [caption for caption, *_ in panels], len(pictures)), target)
     print(f"{target.relative_to(ROOT)}: {target.stat().st_size} bytes", flush=True)
 
 
-def main() -> None:
+def main():
     """Render the pictures that are named, or all."""
     if sys.argv[1:2] == ["--one"]:
-        name, number, out = json.loads(sys.argv[2])
-        rendered(name, number, Path(out))
+        rendered(*json.loads(sys.argv[2]))
         return
     for name in sys.argv[1:] or ROWS:
         composed(name)

@@ -6,23 +6,15 @@ them have one type, so that one kernel renders them: each kind of primitive, mat
 need be as a speck behind the camera.
 """
 
-import copy
 import json
 import math
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from raytracer.scene.load import build
-from raytracer.scene.spec import SceneSpec
 from raytracer.schema.transform import Step, Transform, matrix_of
-
-Array: TypeAlias = NDArray[np.float64]
-Document: TypeAlias = dict[str, Any]
 
 PIXELS = 8
 SPP = 64
@@ -35,41 +27,44 @@ _MESH = "tetrahedron.obj"
 class Frame(NamedTuple):
     """A camera: where it is, its axes (right, up, along) as rows (3, 3), and the tangent of half its angle of view."""
 
-    eye: Array
-    axes: Array
+    eye: Any
+    axes: Any
     tangent: float
 
-    def point(self, x: float, y: float, depth: float) -> Array:
+    def point(self, x, y, depth):
         """Return the point that is seen at x, y from -1 to 1, at a depth along the axis."""
-        return np.asarray(self.eye + depth * np.array([x * self.tangent, y * self.tangent, 1.0]) @ self.axes)
+        return self.eye + depth * np.array([x * self.tangent, y * self.tangent, 1.0]) @ self.axes
+
+
+def plain(document):
+    """A copy of a document, with lists in place of arrays."""
+    return json.loads(json.dumps(document, default=np.ndarray.tolist))
 
 
 # ---- Parts
-
-Random: TypeAlias = np.random.Generator
 
 SEEDS = st.integers(0, 2**32 - 1)
 """Of lengths and angles: hypothesis likes equal numbers, which would put surfaces on one another; kinds are its own."""
 
 
-def direction(random: Random) -> Array:
+def direction(random):
     """A unit vector, evenly over the sphere."""
     vector = random.normal(size=3)
-    return np.asarray(vector / np.linalg.norm(vector))
+    return vector / np.linalg.norm(vector)
 
 
-def decades(random: Random, low: float, high: float) -> float:
+def decades(random, low, high):
     """A number from 10^low to 10^high, evenly over the decades."""
     return float(10.0 ** random.uniform(low, high))
 
 
-def _across(vector: Array, random: Random) -> Array:
+def _across(vector, random):
     """A unit vector at right angles to another."""
     other = np.cross(vector, direction(random))
-    return np.asarray(other / np.linalg.norm(other))
+    return other / np.linalg.norm(other)
 
 
-def _frame(random: Random, size: float) -> Frame:
+def _frame(random, size):
     """A camera within a scene's scale from the origin."""
     along = direction(random)
     right = _across(along, random)
@@ -77,72 +72,65 @@ def _frame(random: Random, size: float) -> Frame:
     return Frame(eye, np.array([right, np.cross(right, along), along]), math.tan(math.radians(random.uniform(5, 60))))
 
 
-def _material(draw: st.DrawFn, random: Random, *, lamps: bool) -> Document:
+def _material(draw, random, *, lamps):
     """Any material that these scenes have; the limits of its ranges as often as what is between."""
     kind = draw(st.sampled_from(("lambertian", "metal", "dielectric", "rough_conductor") + ("emitter",) * lamps))
     if kind == "dielectric":
         return {"type": kind, "ior": draw(st.sampled_from((1.5, random.uniform(1.01, 3.0))))}
     if kind == "emitter":
-        return {"type": kind, "radiance": _list(random.uniform(0.0, 3.0, 3))}
-    albedo = draw(st.sampled_from(([1.0] * 3, [0.0] * 3, _list(random.random(3)))))
+        return {"type": kind, "radiance": random.uniform(0.0, 3.0, 3)}
+    albedo = draw(st.sampled_from(([1.0] * 3, [0.0] * 3, random.random(3).tolist())))
     if kind == "lambertian":
         return {"type": kind, "albedo": albedo}
     roughness = draw(st.sampled_from((0.0, 1.0, random.random())))
     return {"type": kind, "albedo": albedo, "fuzz" if kind == "metal" else "roughness": roughness}
 
 
-def _list(vector: Any) -> list[float]:
-    return [float(x) for x in vector]
-
-
 _SHAPES = ("sphere", "triangle", "quad", "disc", "box", "mesh", "egg")
 
 
-def _shape(kind: str, random: Random, middle: Array, size: float) -> Document:
+def _shape(kind, random, middle, size):
     """A shape of about this size and round about this place."""
     axis = direction(random)
     a, b = size * axis, size * decades(random, -1.0, 0.0) * _across(axis, random)
     if kind == "sphere":
-        return {"type": "sphere", "center": _list(middle), "radius": size * random.choice((1.0, 1.0, -1.0))}
+        return {"type": "sphere", "center": middle, "radius": size * random.choice((1.0, 1.0, -1.0))}
     if kind == "triangle":
-        return {"type": "triangle", "vertices": [_list(middle - a), _list(middle + a), _list(middle + b)]}
+        return {"type": "triangle", "vertices": [middle - a, middle + a, middle + b]}
     if kind == "quad":
-        return {"type": "quad", "corner": _list(middle - 0.5 * (a + b)), "edges": [_list(a), _list(b)]}
+        return {"type": "quad", "corner": middle - 0.5 * (a + b), "edges": [a, b]}
     if kind == "disc":
-        return {"type": "disc", "center": _list(middle), "normal": _list(axis), "radius": size}
-    turn = {"rotate": {"axis": _list(axis), "angle": random.uniform(0.0, 360.0)}}
-    move = {"translate": _list(middle)}
+        return {"type": "disc", "center": middle, "normal": axis, "radius": size}
+    turn = {"rotate": {"axis": axis, "angle": random.uniform(0.0, 360.0)}}
+    move = {"translate": middle}
     half = size * np.array([1.0, decades(random, -1.0, 0.0), decades(random, -1.0, 0.0)])
     if kind == "box":
-        return {"type": "box", "min": _list(-half), "max": _list(half), "transform": [turn, move]}
+        return {"type": "box", "min": -half, "max": half, "transform": [turn, move]}
     if kind == "mesh":
         return {"type": "mesh", "file": _MESH, "transform": [{"scale": size}, turn, move]}
-    ratio = {"scale": _list(half / size)}
-    return {"type": "sphere", "center": [0.0] * 3, "radius": size, "transform": [ratio, turn, move]}
+    return {"type": "sphere", "center": [0.0] * 3, "radius": size, "transform": [{"scale": half / size}, turn, move]}
 
 
 _MOTIONS = ("none", "none", "none", "velocity", "velocity", "spin", "spin", "keyframes")
 """By how often: it takes long to pack what goes by keyframes."""
 
 
-def _keyframes(random: Random, middle: Array, size: float) -> Document:
-    """Two poses of a shape that is at its own origin, from 0 s to 1 s: it goes and turns and grows."""
-    turn = {"rotate": {"axis": _list(direction(random)), "angle": random.uniform(-170.0, 170.0)}}
-    grow = {"scale": random.uniform(0.5, 2.0)}
-    first, last = {"translate": _list(middle)}, {"translate": _list(middle + size * direction(random))}
-    return {"keyframes": [{"time": 0.0, "transform": [first]}, {"time": 1.0, "transform": [turn, grow, last]}]}
-
-
-def _motion(kind: str, random: Random, shape: Document, middle: Array, size: float) -> Document:
+def _motion(kind, random, shape, middle, size):
     """Draw the motion of a shape while the shutter is open, from 0 s to 1 s: about its own size."""
-    way = _list(size * direction(random))
+    if kind == "keyframes":
+        # Two poses of a shape that is at its own origin: it goes and turns and grows.
+        turn = {"rotate": {"axis": direction(random), "angle": random.uniform(-170.0, 170.0)}}
+        grow = {"scale": random.uniform(0.5, 2.0)}
+        last = [turn, grow, {"translate": middle + size * direction(random)}]
+        return {"keyframes": [{"time": 0.0, "transform": [{"translate": middle}]}, {"time": 1.0, "transform": last}]}
+    way = size * direction(random)
     if kind == "velocity" and shape["type"] == "sphere" and "transform" not in shape:
         return {"velocity": way}
-    spin = {"axis": _list(direction(random)), "rate": random.uniform(-720.0, 720.0), "center": _list(middle)}
+    spin = {"axis": direction(random), "rate": random.uniform(-720.0, 720.0), "center": middle}
     return {"spin": spin, "velocity": way}
 
 
-def _specks(frame: Frame, size: float) -> list[Document]:
+def _specks(frame, size):
     """Every kind that there is, too small to be met.
 
     Two of them share a group and differ by their material, and lie far out in a space of their own: so all scenes have
@@ -152,55 +140,45 @@ def _specks(frame: Frame, size: float) -> list[Document]:
     at = [frame.point(0.0, 0.0, -(90.0 + number) * size) for number in range(8)]
     x, y = small * frame.axes[0], small * frame.axes[1]
     far = np.array([1e6 * size, 0.0, 0.0])
-    still = {"type": "sphere", "radius": small}
-    grey = {"type": "lambertian"}
-    spin = {"axis": [0, 1, 0], "rate": 90, "center": _list(at[7])}
-
-    def egg(middle: Array) -> Document:
-        steps = [{"scale": [1.0, 2.0, 1.0]}, {"translate": _list(middle - far)}]
-        return {**still, "center": _list(far), "transform": steps}
-
+    steps = [[{"scale": [1.0, 2.0, 1.0]}, {"translate": middle - far}] for middle in (at[4], at[5])]
+    still, grey = {"type": "sphere", "radius": small}, {"type": "lambertian"}
+    disc = {"type": "disc", "center": at[1], "normal": [0.0, 1.0, 0.0], "radius": small}
+    spin = {"axis": [0, 1, 0], "rate": 90, "center": at[7]}
     return [
-        {**still, "center": _list(at[0]), "material": grey},
-        {
-            "type": "disc",
-            "center": _list(at[1]),
-            "normal": [0.0, 1.0, 0.0],
-            "radius": small,
-            "material": {"type": "rough_conductor", "albedo": 0.5, "roughness": 0.5},
-        },
-        {"type": "quad", "corner": _list(at[2]), "edges": [_list(x), _list(y)], "material": {"type": "dielectric"}},
-        {"type": "triangle", "vertices": [_list(at[3] + by) for by in (0, x, y)], "material": {"type": "metal"}},
-        {**egg(at[4]), "material": {"type": "emitter", "radiance": 1e-30}},
-        {**egg(at[5]), "material": grey},
-        {**still, "center": _list(at[6]), "motion": {"velocity": _list(x)}, "material": grey},
-        {**still, "center": _list(at[7]), "motion": {"spin": spin}, "material": grey},
+        {**still, "center": at[0], "material": grey},
+        {**disc, "material": {"type": "rough_conductor", "albedo": 0.5, "roughness": 0.5}},
+        {"type": "quad", "corner": at[2], "edges": [x, y], "material": {"type": "dielectric"}},
+        {"type": "triangle", "vertices": [at[3] + by for by in (0, x, y)], "material": {"type": "metal"}},
+        {**still, "center": far, "transform": steps[0], "material": {"type": "emitter", "radiance": 1e-30}},
+        {**still, "center": far, "transform": steps[1], "material": grey},
+        {**still, "center": at[6], "motion": {"velocity": x}, "material": grey},
+        {**still, "center": at[7], "motion": {"spin": spin}, "material": grey},
     ]
 
 
 # ---- Scenes
 
 
-def _ground(random: Random, frame: Frame, size: float, kind: str) -> Document:
+def _ground(random, frame, size, kind):
     """Draw a ground that reaches as far as can be seen: a planet, or a plane."""
     height, reach = size * decades(random, -1.0, 0.0), size * decades(random, 1.0, 3.0)
     right, up, along = frame.axes
     below = frame.eye - height * up
     if kind == "planet":
-        return {"type": "sphere", "center": _list(below - reach * up), "radius": reach}
-    edges = [_list(reach * along), _list(reach * right)]
-    return {"type": "quad", "corner": _list(below - 0.5 * reach * (right + along)), "edges": edges}
+        return {"type": "sphere", "center": below - reach * up, "radius": reach}
+    corner = below - 0.5 * reach * (right + along)
+    return {"type": "quad", "corner": corner, "edges": [reach * along, reach * right]}
 
 
 @st.composite
-def scenes(draw: st.DrawFn) -> Document:
+def scenes(draw):
     """Scenes, as documents."""
     random = np.random.default_rng(draw(SEEDS))
     size = decades(random, -6.0, 6.0)
     frame = _frame(random, size)
     lens = {"focus_distance": size * decades(random, -3.0, 3.0), "defocus_angle": decades(random, -2.0, 1.0)}
-    radiance = _list(random.uniform(0.1, 1.0, 3))
-    objects: list[Document] = []
+    radiance = random.uniform(0.1, 1.0, 3)
+    objects = []
     for number in range(draw(st.integers(1, 6))):
         own = np.random.default_rng([number, draw(SEEDS)])
         depth = size * decades(own, -3.0, 3.0)
@@ -208,46 +186,45 @@ def scenes(draw: st.DrawFn) -> Document:
         extent = depth * frame.tangent * decades(own, -1.0, 0.0)
         motion = draw(st.sampled_from(_MOTIONS))
         shape = _shape(draw(st.sampled_from(_SHAPES)), own, np.zeros(3) if motion == "keyframes" else middle, extent)
-        if motion == "keyframes":
-            shape["motion"] = _keyframes(own, middle, 0.5 * extent)
-        elif motion != "none":
+        if motion != "none":
             shape["motion"] = _motion(motion, own, shape, middle, 0.5 * extent)
-        made = _material(draw, own, lamps=True)
-        objects.append({**shape, "name": f"object {number}", "material": made})
+        objects.append({**shape, "name": f"object {number}", "material": _material(draw, own, lamps=True)})
     kind = draw(st.sampled_from(("none", "planet", "plane")))
     if kind != "none":
         made = _material(draw, random, lamps=False)
         objects.append({**_ground(random, frame, size, kind), "name": "ground", "material": made})
-    return {
-        "camera": {
-            "type": "thin_lens",
-            "look_from": _list(frame.eye),
-            "look_at": _list(frame.point(0.0, 0.0, size)),
-            "up": _list(frame.axes[1]),
-            "vfov": 2.0 * math.degrees(math.atan(frame.tangent)),
-            **lens,
-            "shutter": {"open": 0.0, "close": 1.0},
-        },
+    camera = {
+        "type": "thin_lens",
+        "look_from": frame.eye,
+        "look_at": frame.point(0.0, 0.0, size),
+        "up": frame.axes[1],
+        "vfov": 2.0 * math.degrees(math.atan(frame.tangent)),
+        **lens,
+        "shutter": {"open": 0.0, "close": 1.0},
+    }
+    result = {
+        "camera": camera,
         "film": {"width": PIXELS, "height": PIXELS},
         "render": {"spp": SPP, "max_depth": DEPTH, "rr_depth": 1000, "sampler": "independent"},
         "environment": {"type": "constant", "radiance": radiance},
         "objects": objects + _specks(frame, size),
     }
+    return plain(result)
 
 
-def write_files(folder: Path) -> None:
+def write_files(folder):
     """Write what scenes name into a folder."""
     (folder / _MESH).write_text(_TETRAHEDRON)
 
 
-def spec_of(document: Document, folder: Path) -> SceneSpec:
+def spec_of(document, folder):
     """The checked scene."""
     return build(json.dumps(document), "scene.yaml", base=folder)
 
 
-def in_a_furnace(document: Document) -> Document:
+def in_a_furnace(document):
     """The scene in light from all around alike, of the radiance 1, and with white things in place of lamps."""
-    result = copy.deepcopy(document)
+    result = plain(document)
     result["environment"]["radiance"] = [1.0] * 3
     for item in result["objects"]:
         if "name" in item and item["material"]["type"] == "emitter":
@@ -255,7 +232,7 @@ def in_a_furnace(document: Document) -> Document:
     return result
 
 
-def middles(document: Document) -> Array:
+def middles(document):
     """About where the objects are that are no specks (n, 3), those that their own transform puts there included."""
     result = []
     for item in document["objects"]:
@@ -272,7 +249,7 @@ def middles(document: Document) -> Array:
 # ---- What changes no picture
 
 
-def _changed(document: Document, step: Document, point: Any, vector: Any, length: float) -> Document:
+def _changed(document, step, point, vector, length=1.0):
     """The scene after a step of a transform.
 
     Parameters
@@ -280,47 +257,47 @@ def _changed(document: Document, step: Document, point: Any, vector: Any, length
     point, vector : functions of (3,), what the step does to points, and to differences of them.
     length : by how much it makes things longer.
     """
-    result = copy.deepcopy(document)
+    result = plain(document)
+
+    def change(holder, function, *keys):
+        for key in keys:
+            if key in holder:
+                holder[key] = function(np.array(holder[key]))
+
     camera = result["camera"]
-    for key in ("look_from", "look_at"):
-        camera[key] = _list(point(np.array(camera[key])))
-    camera["up"] = _list(vector(np.array(camera["up"])))
-    if "focus_distance" in camera:
-        camera["focus_distance"] *= length
+    change(camera, point, "look_from", "look_at")
+    change(camera, vector, "up")
+    camera["focus_distance"] *= length
     for item in result["objects"]:
         motion = item.get("motion", {})
         # What happens last is the pose of a keyframe.
         for holder in motion.get("keyframes", [item]):
             holder["transform"] = [*holder.get("transform", ()), step]
-        if "velocity" in motion:
-            motion["velocity"] = _list(vector(np.array(motion["velocity"])))
-        if "spin" in motion:
-            spin = motion["spin"]
-            spin["axis"] = _list(vector(np.array(spin["axis"])))
-            spin["center"] = _list(point(np.array(spin["center"])))
-    return result
+        change(motion, vector, "velocity")
+        change(motion.get("spin", {}), vector, "axis")
+        change(motion.get("spin", {}), point, "center")
+    return plain(result)
 
 
-def translated(document: Document, shift: Sequence[float]) -> Document:
+def translated(document, shift):
     """The scene moved by a vector (m)."""
-    by = np.asarray(shift, np.float64)
-    return _changed(document, {"translate": _list(by)}, lambda p: p + by, lambda v: v, 1.0)
+    return _changed(document, {"translate": shift}, lambda p: p + shift, lambda v: v)
 
 
-def rotated(document: Document, axis: Sequence[float], degrees: float) -> Document:
+def rotated(document, axis, degrees):
     """The scene turned about an axis through the origin."""
-    step = {"rotate": {"axis": _list(axis), "angle": degrees}}
+    step = {"rotate": {"axis": list(axis), "angle": degrees}}
     matrix = Step(**step).matrix()[:3, :3]
-    return _changed(document, step, lambda p: matrix @ p, lambda v: matrix @ v, 1.0)
+    return _changed(document, step, lambda p: matrix @ p, lambda v: matrix @ v)
 
 
-def scaled(document: Document, factor: float) -> Document:
+def scaled(document, factor):
     """The scene made larger, as seen from the origin."""
     return _changed(document, {"scale": factor}, lambda p: factor * p, lambda v: factor * v, factor)
 
 
-def relabelled(document: Document, order: Sequence[int]) -> Document:
+def relabelled(document, order):
     """The scene with its objects in another order, and with other names."""
-    result = copy.deepcopy(document)
+    result = plain(document)
     result["objects"] = [{**result["objects"][number], "name": f"number {number}"} for number in order]
     return result

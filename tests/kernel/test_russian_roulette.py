@@ -2,32 +2,26 @@
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from raytracer.core.sampling import SAMPLERS, pixel_key
 from raytracer.kernel.russian_roulette import russian_roulette
-from raytracer.plugins.materials.base.interface import Draws
+from tests.vectorised import random_draws, vectorised
 
 
 class Rule(NamedTuple):
     """As much of a scene as is asked for: the segments after which paths may end."""
 
-    roulette: int
+    roulette: Any
 
 
-def survivals(throughput: tuple[float, float, float], done: int) -> np.ndarray[Any, Any]:
-    sampler = SAMPLERS["independent"](3, 1)
-    key = pixel_key(sampler, 0, 0)
-    draws = (Draws(sampler, key, index, 8) for index in range(2000))
-    return np.array([russian_roulette(Rule(3), throughput, 0.25, done, draw) for draw in draws])
+def survivals(throughput, done):
+    return vectorised(russian_roulette)(Rule(3), throughput, 0.25, done, random_draws(2000, seed=3))
 
 
-def test_paths_end_from_the_segment_on_that_is_given() -> None:
+def test_paths_end_from_the_segment_on_that_is_given():
     assert (survivals((0.1, 0.1, 0.1), 2) == 1.0).all()
     assert (survivals((0.1, 0.1, 0.1), 3) == 0.0).any()
 
 
-def test_the_brightest_channel_decides() -> None:
+def test_the_brightest_channel_decides():
     # A path of pure green goes on as one of white does.
     found = survivals((0.0, 0.1, 0.05), 5)
     assert set(found) == {0.0, 0.4}

@@ -3,12 +3,13 @@
 What is compiled is asked of a process of its own (tests/probe.py), since Numba keeps what it has once compiled.
 """
 
+import itertools
 import json
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numba
 import pytest
 
 import raytracer
+from raytracer.kernel.path_state import workspace
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack
 from tests.probe import MATTE, SCENES
@@ -23,18 +25,8 @@ from tests.small_scenes import scene
 
 ROOT = Path(__file__).parents[2]
 
-FAMILIES = (
-    "apertures",
-    "cameras",
-    "environments",
-    "filters",
-    "lights",
-    "materials",
-    "media",
-    "primitives",
-    "sampling",
-    "textures",
-)
+FAMILIES = {"apertures", "cameras", "environments", "filters", "lights", "materials", "media"}
+FAMILIES |= {"primitives", "sampling", "textures"}
 
 # Kinds of the scene `plain`, which all others have too.
 PLAIN = {"filters.box", "materials.lambertian", "primitives.spheres", "sampling.independent"}
@@ -43,7 +35,7 @@ PLAIN = {"filters.box", "materials.lambertian", "primitives.spheres", "sampling.
 SAME_AS_PLAIN = {"off"}
 
 
-def probe(cache: Path, *names: str) -> dict[str, Any]:
+def probe(cache, *names):
     """Run tests/probe.py with this kernel cache, and return its report."""
     package = Path(raytracer.__file__).parent.parent
     result = subprocess.run(
@@ -65,26 +57,26 @@ class Kernels(Mapping[str, Any]):
     it, and the others wait.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.cache = folder / "cache"
         self._folder = folder
 
-    def __iter__(self) -> Iterator[str]:
+    def __iter__(self):
         return iter((*sorted(SCENES.keys() - SAME_AS_PLAIN), "plain+depth"))
 
-    def __len__(self) -> int:
+    def __len__(self):
         return sum(1 for _ in self)
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name):
         self._find([name])
         return json.loads((self._folder / f"{name}.json").read_text())
 
-    def all(self) -> dict[str, Any]:
+    def all(self):
         """Return the reports of all scenes."""
         self._find(list(self))
         return {name: self[name] for name in self}
 
-    def _find(self, names: list[str]) -> None:
+    def _find(self, names):
         self._folder.mkdir(exist_ok=True)
         for name in names:
             try:
@@ -102,30 +94,21 @@ class Kernels(Mapping[str, Any]):
 
 
 @pytest.fixture(scope="session")
-def kernels(tmp_path_factory: pytest.TempPathFactory) -> Kernels:
+def kernels(tmp_path_factory):
     base = tmp_path_factory.getbasetemp()
     return Kernels((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "kernels")
 
 
-def kinds(report: dict[str, Any]) -> set[str]:
+def kinds(report):
     """Name the kinds in a kernel, FAMILY.KIND: modules of the families without those that their kinds share."""
-    shared = (
-        "interface",
-        "hashing",
-        "phase",
-        "warp",
-        "perspective_camera",
-        "light_choice",
-        "dispatch",
-        "clear",
-        "voxel_traversal",
-    )
+    shared = ("interface", "hashing", "phase", "warp", "perspective_camera", "light_choice", "dispatch", "clear")
+    shared += ("voxel_traversal",)
     # raytracer.plugins.FAMILY.KIND, raytracer.core.FAMILY.KIND, or these with a `base` between.
     paths = [module.split(".")[2:] for module in report["modules"] if not module.endswith(shared)]
     return {f"{path[0]}.{path[-1]}" for path in paths if len(path) > 1 and path[0] in FAMILIES}
 
 
-def test_plain_scene_holds_its_own_kinds_only(kernels: Kernels) -> None:
+def test_plain_scene_holds_its_own_kinds_only(kernels):
     # A matte ball in the dark before a pinhole: no lens, glass, metal, light, environment, and no optics at all.
     plain = kernels["plain"]
     assert kinds(plain) == PLAIN
@@ -155,22 +138,34 @@ EFFECTS = pytest.mark.parametrize(
 )
 
 
-def classes_in(numba_type: Any) -> set[str]:
+def classes_in(numba_type):
     """Modules of the classes that a scene's type is made of."""
     own = getattr(numba_type, "instance_class", None)
     inner = set().union(*map(classes_in, getattr(numba_type, "types", ())))
     return inner if own is None else {own.__module__, *inner}
 
 
+# What paths and shadow rays carry besides what all of them do.
+CARRIED = {"fog": {"medium"}, "flight": {"time"}, "dolly": {"time"}, "gauze": {"vertex", "passthroughs"}}
+SHADOWS = {"fog": {"medium", "medium_numbers"}, "gauze": {"target"}}
+
+
 @EFFECTS
-def test_an_effect_brings_its_own_classes(name: str, brings: set[str]) -> None:
+def test_an_effect_brings_its_own_classes_and_rows_of_paths(name, brings):
     # From these follows what is compiled; what functions a class needs besides, compiled kernels show below.
-    used = kinds({"modules": classes_in(numba.typeof(pack(scene(SCENES[name], filled=False)).scene))})
+    packed = pack(scene(SCENES[name], filled=False)).scene
+    work = workspace(packed)
+    parts = (work.paths._asdict(), work.shadows._asdict())
+    paths, shadows = ({key for key, rows in part.items() if rows is not None} for part in parts)
+    assert paths == {"draws", "ray"} | CARRIED.get(name, set())
+    assert shadows == {"queue", "radiance", "rays"} | SHADOWS.get(name, set())
+    assert work.wavelengths is None
+    used = kinds({"modules": classes_in(numba.typeof(packed))})
     assert used <= brings | PLAIN | {"cameras.placement"}
     assert used & brings
 
 
-def test_no_glass_is_compiled_for_scenes_without_a_real_lens(kernels: Kernels) -> None:
+def test_no_glass_is_compiled_for_scenes_without_a_real_lens(kernels):
     glass = (
         "raytracer.optics.lens_system.",
         "raytracer.plugins.cameras.base.lens_camera",
@@ -184,7 +179,7 @@ def test_no_glass_is_compiled_for_scenes_without_a_real_lens(kernels: Kernels) -
         assert not [module for module in kernels[name]["modules"] if module.startswith(glass)]
 
 
-def test_many_effects_bring_their_own_code(kernels: Kernels) -> None:
+def test_many_effects_bring_their_own_code(kernels):
     # One scene for most of the next test's: whatever is none of these effects' is brought by nobody.
     many = kernels["many"]
     assert kinds(many) - PLAIN == {
@@ -209,7 +204,7 @@ def test_many_effects_bring_their_own_code(kernels: Kernels) -> None:
 
 @pytest.mark.slow
 @EFFECTS
-def test_an_effect_brings_its_own_code(kernels: Kernels, name: str, brings: set[str]) -> None:
+def test_an_effect_brings_its_own_code(kernels, name, brings):
     used = kinds(kernels[name])
     assert brings <= used
     # Nothing besides, but for kinds that are there anyway.
@@ -219,72 +214,37 @@ def test_an_effect_brings_its_own_code(kernels: Kernels, name: str, brings: set[
 
 
 @pytest.mark.slow
-def test_shadow_rays_are_compiled_where_there_are_lights(kernels: Kernels) -> None:
-    assert {name: report["calls"]["rtcOccluded8"] for name, report in kernels.all().items()} == {
-        "plain": 0,
-        "sky": 0,
-        "lens": 0,
-        "iris": 0,
-        "glass": 0,
-        "lamp": 1,
-        "fog": 0,
-        "egg": 0,
-        "fisheye": 0,
-        "plain+depth": 0,
-        "sun": 1,
-        "flight": 0,
-        "dolly": 0,
-        "daylight": 1,
-        "gauze": 0,
-        "checked": 0,
-        "bumpy": 0,
-        "many": 0,
-    }
+def test_shadow_rays_are_compiled_where_there_are_lights(kernels):
+    lit = {name for name, report in kernels.all().items() if report["calls"]["rtcOccluded8"]}
+    assert lit == {"lamp", "sun", "daylight"}
+    # Where light may pass, as rays that look for what they meet, and not only whether they meet anything.
+    twice = {name for name, report in kernels.all().items() if report["calls"]["rtcIntersect8"] > 1}
+    assert twice == {"gauze", "many"}
+    assert max(sum(report["calls"].values()) for report in kernels.all().values()) == 2
 
 
 @pytest.mark.slow
-def test_shadow_rays_are_followed_where_light_may_pass(kernels: Kernels) -> None:
-    # As rays that look for what they meet, in place of those that only look whether they meet anything.
-    assert kernels["gauze"]["calls"]["rtcIntersect8"] == 2
-    others = kernels.all().keys() - {"gauze", "many"}
-    assert {kernels[name]["calls"]["rtcIntersect8"] for name in others} == {1}
+def test_what_only_some_scenes_call_for_is_compiled_for_these_alone(kernels):
+    def users(module):
+        return {name for name, report in kernels.all().items() if module in report["modules"]}
 
-
-@pytest.mark.slow
-def test_kernels_count_no_references(kernels: Kernels) -> None:
-    assert {name: report["reference_counts"] for name, report in kernels.all().items()} == dict.fromkeys(kernels, 0)
-
-
-@pytest.mark.slow
-def test_only_aovs_that_are_asked_for_are_compiled(kernels: Kernels) -> None:
-    recorded = {
-        name: {module for module in report["modules"] if module.startswith("raytracer.kernel.aovs.")}
-        for name, report in kernels.all().items()
-    }
-    assert recorded.pop("plain+depth") == {"raytracer.kernel.aovs.base.layers", "raytracer.kernel.aovs.surface"}
-    assert not any(recorded.values())
-
-
-@pytest.mark.slow
-def test_normal_mapping_is_compiled_where_a_material_has_maps(kernels: Kernels) -> None:
+    assert not any(report["reference_counts"] for report in kernels.all().values())
     # A checker is its texture in both; the second one shades with its slopes too.  What all scenes have of
     # `kernel.normal_mapping` is what is done without maps; the geometry of bent normals is only where there are any.
-    assert {
-        name for name, report in kernels.all().items() if "raytracer.core.shading_normals" in report["modules"]
-    } == {"bumpy"}
+    assert users("raytracer.core.shading_normals") == {"bumpy"}
     assert kernels["bumpy"]["llvm_size"] > kernels["checked"]["llvm_size"] > kernels["plain"]["llvm_size"]
-
-
-@pytest.mark.slow
-def test_instances_are_compiled_where_something_is_placed(kernels: Kernels) -> None:
     # A matte ellipsoid is the matte ball of `plain`, and besides it the transforms of rays and hits.
     assert kinds(kernels["egg"]) <= kinds(kernels["plain"])
-    assert "raytracer.core.motion.interpolation" in kernels["egg"]["modules"]
-    assert "raytracer.core.motion.interpolation" not in kernels["plain"]["modules"]
+    assert {"egg"} <= users("raytracer.core.motion.interpolation") <= kernels.all().keys() - {"plain"}
     assert kernels["egg"]["llvm_size"] > kernels["plain"]["llvm_size"]
+    # AOVs that are asked for.
+    aovs = "raytracer.kernel.aovs."
+    found = {name: [m for m in report["modules"] if m.startswith(aovs)] for name, report in kernels.all().items()}
+    assert found.pop("plain+depth") == [aovs + "base.layers", aovs + "surface"]
+    assert not any(found.values())
 
 
-def test_a_second_process_compiles_nothing(kernels: Kernels) -> None:
+def test_a_second_process_compiles_nothing(kernels):
     assert kernels["plain"]["cache_misses"] == 1
     for name in ("plain", "many"):
         assert kernels[name]
@@ -298,7 +258,7 @@ def test_a_second_process_compiles_nothing(kernels: Kernels) -> None:
 BASE = """
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
 film: {width: 16, height: 9}
-render: {spp: 4, max_depth: 5, seed: 0, sampler: SAMPLER}
+render: {spp: 4, max_depth: 5, seed: 0, sampler: sobol}
 environment: {type: constant, radiance: [1, 0.5, 0.25]}
 materials:
   a: {type: lambertian, albedo: [0.1, 0.2, 0.3]}
@@ -308,69 +268,47 @@ objects:
 """
 
 
-def type_of(text: str, **overrides: Any) -> numba.types.Type:
-    return numba.typeof(
-        pack(build(text, "test.yaml", {key.replace("__", "."): value for key, value in overrides.items()})).scene
-    )
+def scene_of(text=BASE, **overrides):
+    return pack(build(text, "test.yaml", {key.replace("__", "."): value for key, value in overrides.items()})).scene
+
+
+def type_of(text=BASE, **overrides):
+    return numba.typeof(scene_of(text, **overrides))
+
+
+LENS = {"type": "thin_lens", "look_from": [0, 0, 4], "look_at": [0, 0, 0]}
+MAPS = "textures: {squares: {type: checker}, veins: {type: noise}}\nmaterials:"
+UNUSED = "  tiles: {type: metal, albedo: squares, bump: veins}\n  glass: {type: dielectric}\nobjects:"
+BALL = "  - {type: sphere, center: [0, 3, 0], radius: 0.5, material: {type: lambertian, albedo: 0.7}}\n"
 
 
 @pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])
-def test_values_are_not_part_of_the_type(sampler: str) -> None:
+def test_values_and_what_nothing_uses_are_not_part_of_the_type(sampler):
     # Integers where numbers are meant, one object more, another size: the same kernel.
-    base = BASE.replace("SAMPLER", sampler)
-    expected = type_of(base)
-    changes: list[dict[str, Any]] = [
+    base = BASE.replace("sobol", sampler)
+    changes = [
         {"film__width": 1920, "film__height": 1080},
         {"render__spp": 7, "render__seed": 2**32 - 1},
         {"render__max_depth": 1000, "render__rr_depth": 0},
         {"camera__vfov": 41.5, "camera__look_from": [0.25, 0, 9]},
+        {"camera": LENS | {"aperture": 0}},
         {"environment__radiance": 2},
         {"materials__a__albedo": 1},
         {"objects__lamp__radius": -2},
         {"objects__lamp__material__two_sided": True},
         {"objects__lamp__transform": [{"rotate": {"axis": [0, 1, 0], "angle": 30}}]},
+        {"render__light_sampling": "mis"},
+        {"text": base + BALL},
+        {"text": base.replace("materials:", MAPS).replace("objects:", UNUSED)},
     ]
     for change in changes:
-        assert type_of(base, **change) == expected, change
-    more = base + "  - {type: sphere, center: [0, 3, 0], radius: 0.5, material: {type: lambertian, albedo: 0.7}}\n"
-    assert type_of(more) == expected
-
-
-def test_what_nothing_uses_is_not_part_of_the_type() -> None:
-    base = BASE.replace("SAMPLER", "sobol")
-    unused = base.replace("objects:", "  glass: {type: dielectric}\n  steel: {type: metal}\nobjects:")
-    assert type_of(unused) == type_of(base)
-
-
-def test_textures_and_maps_that_nothing_in_use_has_are_not_part_of_the_type() -> None:
-    base = BASE.replace("SAMPLER", "sobol")
-    unused = base.replace("materials:", "textures: {squares: {type: checker}, veins: {type: noise}}\nmaterials:")
-    unused = unused.replace("objects:", "  tiles: {type: metal, albedo: squares, bump: veins}\nobjects:")
-    assert type_of(unused) == type_of(base)
-    # And a plain value is one whichever key of the material may be textured.
-    assert type_of(base, materials__a__bump={"type": "noise"}, materials__a__bump_height=0) != type_of(base)
-    assert pack(build(unused, "test.yaml")).scene.textures is None
-
-
-def test_order_of_the_objects_is_not_part_of_the_type() -> None:
-    objects = [
-        "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal}}\n",
-        "  - {type: quad, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 1, 0]], material: {type: lambertian}}\n",
-        "  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 1, material: {type: emitter, radiance: 1}}\n",
-        "  - {type: box, min: [0, 0, 0], max: [1, 1, 1], material: {type: dielectric}}\n",
-    ]
-    camera = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}\nobjects:\n"
-    types = {
-        numba.typeof(pack(scene(camera + "".join(order), filled=False)).scene)
-        for order in (objects, objects[::-1], objects[2:] + objects[:2])
-    }
-    assert len(types) == 1
+        assert type_of(**{"text": base, **change}) == type_of(base), change
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"camera": {"type": "thin_lens", "look_from": [0, 0, 4], "look_at": [0, 0, 0], "aperture": 10}},
+        {"camera": LENS | {"aperture": 10}},
         {"environment": {"type": "gradient"}},
         {"environment__radiance": 0},
         {"render__sampler": "independent"},
@@ -381,25 +319,27 @@ def test_order_of_the_objects_is_not_part_of_the_type() -> None:
         {"objects__lamp__material__radiance": 0},
         {"render__max_depth": 1},
         {"materials__a": {"type": "metal"}},
+        # A plain value is one whichever key of the material may be textured.
+        {"materials__a__bump": {"type": "noise"}, "materials__a__bump_height": 0},
     ],
+    ids=str,
 )
-def test_effects_are_the_type(change: dict[str, Any]) -> None:
-    base = BASE.replace("SAMPLER", "sobol")
-    assert type_of(base, **change) != type_of(base)
+def test_effects_are_the_type(change):
+    assert type_of(**change) != type_of()
 
 
-def test_how_light_is_sampled_is_the_type_only_where_there_is_light_to_sample() -> None:
-    base = BASE.replace("SAMPLER", "sobol")
+def test_order_of_the_objects_is_not_part_of_the_type():
+    objects = [
+        "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal}}\n",
+        "  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 1, material: {type: emitter, radiance: 1}}\n",
+        "  - {type: box, min: [0, 0, 0], max: [1, 1, 1], material: {type: dielectric}}\n",
+    ]
+    assert len({type_of(BASE + "".join(order)) for order in itertools.permutations(objects)}) == 1
+
+
+def test_how_light_is_sampled_is_the_type_only_where_there_is_light_to_sample():
     # Nothing of lights is left where paths find them.
-    lit = pack(build(base, "test.yaml")).scene
-    assert type_of(base, render__light_sampling="paths") == numba.typeof(lit._replace(lights=None))
-    assert type_of(base, render__light_sampling="mis") == numba.typeof(lit)
-    dark = type_of(base, objects__lamp__material__radiance=0)
-    for mode in ("mis", "lights", "paths"):
-        assert type_of(base, objects__lamp__material__radiance=0, render__light_sampling=mode) == dark
-
-
-def test_an_aperture_of_zero_is_a_pinhole_to_the_compiler() -> None:
-    base = BASE.replace("SAMPLER", "sobol")
-    lens = {"type": "thin_lens", "look_from": [0, 0, 4], "look_at": [0, 0, 0], "aperture": 0}
-    assert type_of(base, camera=lens) == type_of(base)
+    assert type_of(render__light_sampling="paths") == numba.typeof(scene_of()._replace(lights=None))
+    modes = ("mis", "lights", "paths")
+    dark = {type_of(objects__lamp__material__radiance=0, render__light_sampling=mode) for mode in modes}
+    assert len(dark) == 1

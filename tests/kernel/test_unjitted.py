@@ -16,7 +16,7 @@ from tests.unjitted import numbers
 ROOT = Path(__file__).parents[2]
 
 
-def test_interpreted_kernels_give_the_same_numbers(tmp_path: Path) -> None:
+def test_interpreted_kernels_give_the_same_numbers(tmp_path):
     package = Path(raytracer.__file__).parent.parent
     result = subprocess.run(
         [sys.executable, "-m", "tests.unjitted", str(tmp_path / "numbers.npz")],

@@ -107,7 +107,11 @@ def light_field(
     radiance = np.array([[value for value, _ in row] for row in found])
     radiance += noise * np.random.default_rng(0).standard_normal(radiance.shape)
     return LightField(
-        radiance=radiance,
-        views=geometry,
-        layers={"depth": np.array([[depth for _, depth in row] for row in found])},
+        radiance=radiance, views=geometry, layers={"depth": np.array([[depth for _, depth in row] for row in found])}
     )
+
+
+def away(picture: NDArray[np.float64], exact: NDArray[np.float64], border: int = 0) -> float:
+    """Root mean square of the difference, relative to that of the picture as it should be, but for a border."""
+    inner = (slice(border, -border or None), slice(border, -border or None))
+    return float(np.sqrt(((picture - exact)[inner] ** 2).mean() / (exact[inner] ** 2).mean()))

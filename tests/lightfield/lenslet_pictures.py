@@ -45,14 +45,11 @@ class Camera:
     """How much darker the picture's corner is than its middle."""
     soft: float = 0.5
     """Width of a sub-image's edge (pixels)."""
-    cat_eye: float = 0.0
-    """How far, in pitches at the corner, a second edge moves inwards, a fifth wider, which cuts sub-images there."""
 
-    def _parts(self, supersampling, top=0, bottom=None):
+    def _parts(self, supersampling):
         sub = (np.arange(supersampling) + 0.5) / supersampling
         x = (np.arange(self.width)[:, None] + sub).ravel()
-        rows = np.arange(top, self.height if bottom is None else bottom)
-        y = (rows[:, None] + sub).ravel()
+        y = (np.arange(self.height)[:, None] + sub).ravel()
         place = np.stack(np.meshgrid(x, y), axis=-1)
         base = np.rint(self.lattice.index(place))
         best, middle = np.full(base.shape[:2], np.inf), np.zeros(place.shape)
@@ -73,10 +70,6 @@ class Camera:
         centre = np.array([0.5 * self.width, 0.5 * self.height])
         corner = float(np.hypot(*centre))
         outward = (middle - centre) / corner
-        if self.cat_eye:
-            second = offset + self.cat_eye * pitch * outward
-            away2 = np.hypot(second[..., 0], second[..., 1])
-            edge = edge / (1.0 + np.exp(np.clip((away2 - 1.2 * self.lit * pitch) / (0.25 * self.soft), -50, 50)))
         inner = 1.0 - self.falloff * (away / (self.lit * pitch)) ** 2
         return np.clip(inner, 0.05, None) * edge * (1.0 - self.vignetting * (outward**2).sum(axis=-1))
 

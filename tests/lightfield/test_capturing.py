@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +12,8 @@ from raytracer.film.light_field.views import Plane, Views
 from raytracer.lightfield.capturing.bands import ViewBand, split_into_bands
 from raytracer.lightfield.capturing.capture import capture
 from raytracer.rendering import worker_pool
-from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import render
-from raytracer.rendering.session import Rendered
 from raytracer.scene.load import build
-from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 
 # Of the type that tests/plugins/cameras/test_camera_array.py has, which is compiled once for both.
@@ -36,22 +32,22 @@ VIEW_BYTES = 176 * 24 * 20
 """What one view of this size takes: its film twice, and 48 bytes a pixel to tell the error by."""
 
 
-def scene(camera: str = "", film: str = "") -> SceneSpec:
+def scene(camera="", film=""):
     return build(SCENE.format(camera=camera, film=film), "test.yaml")
 
 
 @pytest.fixture(scope="module")
-def whole() -> Rendered:
+def whole():
     return render(scene(), threads=2)
 
 
-def views(rows: int, columns: int) -> Views:
+def views(rows, columns):
     return Views(position=np.zeros((rows, columns, 2)), plane=Plane(1.0, 0.0, 0.0), width=4, height=3)
 
 
 @pytest.mark.parametrize("most", [1, 2, 3, 4, 5, 7, 8, 11, 12, 100])
 @pytest.mark.parametrize("size", [(3, 4), (17, 17), (1, 9), (9, 1)])
-def test_bands_hold_every_view_once_and_no_more_than_they_may(size: tuple[int, int], most: int) -> None:
+def test_bands_hold_every_view_once_and_no_more_than_they_may(size, most):
     seen = np.zeros(size, dtype=int)
     bands = split_into_bands(views(*size), most)
     for band in bands:
@@ -62,7 +58,7 @@ def test_bands_hold_every_view_once_and_no_more_than_they_may(size: tuple[int, i
     assert np.all(seen == 1)
 
 
-def test_bands_are_whole_rows_where_these_fit() -> None:
+def test_bands_are_whole_rows_where_these_fit():
     assert split_into_bands(views(5, 4), 9) == [ViewBand(0, 1, 0, 4), ViewBand(1, 3, 0, 4), ViewBand(3, 5, 0, 4)]
     assert split_into_bands(views(2, 5), 3) == [
         ViewBand(0, 1, 0, 2),
@@ -73,15 +69,12 @@ def test_bands_are_whole_rows_where_these_fit() -> None:
 
 
 @pytest.mark.parametrize(("memory", "bands"), [(10**9, 1), (5 * VIEW_BYTES, 3), (VIEW_BYTES, 12)])
-def test_views_rendered_in_parts_have_the_bits_of_the_picture_of_all(
-    whole: Rendered, tmp_path: Path, memory: int, bands: int
-) -> None:
+def test_views_rendered_in_parts_have_the_bits_of_the_picture_of_all(whole, tmp_path, memory, bands):
     path = tmp_path / "x.lf"
-    seen: list[Progress] = []
+    seen = []
     captured = capture(scene(), path, memory=memory, dtype="float64", threads=2, progress=seen.append)
     assert captured.bands == bands
     assert captured.band_bytes <= memory
-    assert whole.image.layout is not None
     expected = whole.image.layout.light_field(whole.image)
     with lf.open(path) as field:
         np.testing.assert_array_equal(np.asarray(field.radiance), expected.radiance)
@@ -100,7 +93,7 @@ def test_views_rendered_in_parts_have_the_bits_of_the_picture_of_all(
     assert all(each.wanted == whole.stats.samples for each in seen)
 
 
-def test_the_plane_that_an_object_lies_in_is_that_of_the_file(tmp_path: Path) -> None:
+def test_the_plane_that_an_object_lies_in_is_that_of_the_file(tmp_path):
     """3 m from the camera, as the middle of the ball is."""
     capture(scene(", focus_on: ball"), tmp_path / "x.lf", memory=5 * VIEW_BYTES, threads=2, spp=1)
     with lf.open(tmp_path / "x.lf") as field:
@@ -115,9 +108,7 @@ def test_the_plane_that_an_object_lies_in_is_that_of_the_file(tmp_path: Path) ->
         ("", ", white_balance: auto", 3 * VIEW_BYTES, "film.white_balance: auto measures the whole picture"),
     ],
 )
-def test_what_does_not_fit_is_told_with_what_it_takes(
-    tmp_path: Path, camera: str, film: str, memory: int, message: str
-) -> None:
+def test_what_does_not_fit_is_told_with_what_it_takes(tmp_path, camera, film, memory, message):
     with pytest.raises(InputError) as caught:
         capture(scene(camera, film), tmp_path / "x.lf", memory=memory)
     assert message in str(caught.value)
@@ -126,15 +117,15 @@ def test_what_does_not_fit_is_told_with_what_it_takes(
 
 
 @pytest.mark.parametrize("kind", ["pinhole, ", "thin_lens, aperture: 20, "])
-def test_one_view_is_no_light_field(tmp_path: Path, kind: str) -> None:
+def test_one_view_is_no_light_field(tmp_path, kind):
     text = SCENE.format(camera="", film="").replace("camera_array, ", kind)
     text = text.replace(", rows: 3, columns: 4,\n  spacing: 0.1", "")
     with pytest.raises(InputError, match="of one view"):
         capture(build(text, "test.yaml"), tmp_path / "x.lf")
 
 
-def test_an_interrupt_leaves_nothing(tmp_path: Path) -> None:
-    def interrupt(progress: Progress) -> None:
+def test_an_interrupt_leaves_nothing(tmp_path):
+    def interrupt(progress):
         if progress.done > 5 * 480 * 16:
             raise KeyboardInterrupt
 
@@ -143,17 +134,14 @@ def test_an_interrupt_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-# ---- On the command line
-
-
 @pytest.fixture
-def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "array.yaml").write_text(SCENE.format(camera="", film=""))
     return tmp_path
 
 
-def test_rt_lightfield_render(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rt_lightfield_render(files, capsys):
     words = ["lightfield", "render", "array.yaml", "-o", "x.lf", "--memory", "0.4 MB", "--stats", "s.json"]
     assert main([*words, "--dtype", "float16", "--threads", "2", "--checkpoint", "off"]) == 0
     out, err = capsys.readouterr()
@@ -179,15 +167,11 @@ def test_rt_lightfield_render(files: Path, capsys: pytest.CaptureFixture[str]) -
         (["array.yaml", "-o", "x.lf", "--memory", "much"], "--memory much: must be an amount of memory such as 2GB"),
         (["array.yaml", "-o", "x.lf", "--memory", "0 MB"], "--memory 0 MB: must be greater than 0"),
         (["array.yaml", "-o", "x.lf", "--dtype", "int8"], "--dtype int8: must be float16, float32, float64"),
-        (["aray.yaml", "-o", "x.lf"], "aray.yaml"),
         (["array.yaml", "-o", "x.lf", "--aov", "deep"], "unknown AOV 'deep'"),
         (["array.yaml", "-o", "array.yaml/x.lf"], "array.yaml"),
-        (["array.yaml"], "Missing option '--output'"),
     ],
 )
-def test_wrong_use_is_one_sentence(
-    files: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
-) -> None:
+def test_wrong_use_is_one_sentence(files, capsys, words, message):
     assert main(["lightfield", "render", *words]) == 2
     out, err = capsys.readouterr()
     assert out == ""
@@ -204,11 +188,10 @@ def test_wrong_use_is_one_sentence(
         {"camera": ", fill: true, focal_length: 20, iso: 100, shutter: 1, sensor: {format: full_frame, noise: true}"},
     ],
 )
-def test_layers_and_sensors_are_those_of_the_whole_picture(tmp_path: Path, keys: dict[str, Any]) -> None:
+def test_layers_and_sensors_are_those_of_the_whole_picture(tmp_path, keys):
     spec = build(SCENE.format(camera=keys.get("camera", ""), film="").replace("vfov: 40, ", ""), "test.yaml")
     aovs = keys.get("aovs", ())
     image = render(spec, threads=2, aovs=aovs).image
-    assert image.layout is not None
     expected = image.layout.light_field(image)
     capture(spec, tmp_path / "x.lf", memory=15 * VIEW_BYTES, dtype="float64", threads=2, aovs=aovs)
     with lf.open(tmp_path / "x.lf") as field:
@@ -218,13 +201,13 @@ def test_layers_and_sensors_are_those_of_the_whole_picture(tmp_path: Path, keys:
             np.testing.assert_array_equal(np.asarray(field.layers[name]), expected.layers[name])
 
 
-def test_broken_off_in_a_band_it_goes_on_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_broken_off_in_a_band_it_goes_on_there(tmp_path, monkeypatch):
     monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
     path, spp = tmp_path / "x.lf", 512
     whole = render(scene(), threads=2, spp=spp)
     step, interrupts = whole.stats.samples // 4, 0
 
-    def stop(progress: Progress) -> None:
+    def stop(progress):
         if progress.done >= (interrupts + 1) * step:
             raise KeyboardInterrupt
 
@@ -240,7 +223,6 @@ def test_broken_off_in_a_band_it_goes_on_there(tmp_path: Path, monkeypatch: pyte
             assert interrupts < 10
             assert sorted(tmp_path.glob("x.lf.*.checkpoint"))
     assert interrupts >= 2
-    assert whole.image.layout is not None
     with lf.open(path) as field:
         expected = whole.image.layout.light_field(whole.image)
         np.testing.assert_array_equal(np.asarray(field.radiance), expected.radiance)
@@ -250,10 +232,10 @@ def test_broken_off_in_a_band_it_goes_on_there(tmp_path: Path, monkeypatch: pyte
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_pixels_below_zero_are_counted_over_all_bands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    places: list[list[int]] = []
+def test_pixels_below_zero_are_counted_over_all_bands(tmp_path, monkeypatch):
+    places = []
 
-    def find(values: Any, causes: Any, left: int, top: int) -> tuple[int, dict[str, Any]]:
+    def find(values, causes, left, top):
         places.append([left, top])
         return 2, {"lowest": -float(len(places)), "pixel": [left, top], "causes": ["filter"]}
 

@@ -3,8 +3,8 @@
 import dataclasses
 import json
 import math
-from pathlib import Path
 
+import h5py
 import numpy as np
 import PIL.Image
 import pytest
@@ -12,37 +12,33 @@ import pytest
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LIT_LAYER, LightField
 from raytracer.lightfield.coverage import lit_views, within_lens
-from raytracer.lightfield.decoding.decoder import Decoded, decode
+from raytracer.lightfield.decoding.decoder import decode
 from raytracer.lightfield.depth.depth_map import Depth, depth_map
 from raytracer.lightfield.refocusing.fourier import FourierRefocuser
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.lightfield.super_resolution import all_in_focus, supersampled, upsample_cubic
 from raytracer.lightfield.views.synthesis import view_at
 from raytracer.util.errors import InputError
-from tests.lightfield.analytic import Surface, light_field, views, waves
+from tests.lightfield.analytic import Surface, away, light_field, views, waves
 from tests.lightfield.lenslet_pictures import Camera, lattice
 from tests.lightfield.test_looking_commands import run
 
 
-def away(picture: np.ndarray, exact: np.ndarray) -> float:
-    return float(np.sqrt(((picture - exact) ** 2).sum() / (exact**2).sum()))
-
-
-def darkened(whole: LightField, lit: np.ndarray) -> LightField:
+def darkened(whole, lit):
     """As a camera that vignettes: 0 where no light came."""
     radiance = np.where(lit[..., None], whole.radiance, 0.0)
     return LightField(radiance, whole.views, {**whole.layers, LIT_LAYER: lit.astype(np.uint8)}, settings=whole.settings)
 
 
 @pytest.fixture(scope="module")
-def bright() -> LightField:
+def bright():
     """A wall that leans away, all of it seen by 7 x 7 views."""
     geometry = views(7, 7, spacing=0.03, width=60, height=48)
     return light_field(geometry, [Surface(2.2, waves(1, 0.06), tilt=(0.3, 0.2))], noise=0.01)
 
 
 @pytest.fixture(scope="module")
-def lit(bright: LightField) -> np.ndarray:
+def lit(bright):
     """A corner that no view has, one that half of them lack, and a view without any light."""
     lit = np.ones(bright.radiance.shape[:4], dtype=bool)
     lit[:, :, :12, :16] = False
@@ -52,11 +48,11 @@ def lit(bright: LightField) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def dark(bright: LightField, lit: np.ndarray) -> LightField:
+def dark(bright, lit):
     return darkened(bright, lit)
 
 
-def test_depth_is_not_sure_without_light(bright: LightField, dark: LightField, lit: np.ndarray) -> None:
+def test_depth_is_not_sure_without_light(bright, dark, lit):
     found, whole = depth_map(dark, threads=2), depth_map(bright, threads=2)
     seen = lit[3, 3]
     assert (found.confidence[~seen] == 0.0).all()
@@ -71,19 +67,19 @@ def test_depth_is_not_sure_without_light(bright: LightField, dark: LightField, l
 
 
 @pytest.mark.parametrize("method", ["focus", "slopes"])
-def test_depth_that_one_other_view_tells_is_not_sure(bright: LightField, method: str) -> None:
+def test_depth_that_one_other_view_tells_is_not_sure(bright, method):
     lit = np.ones(bright.radiance.shape[:4], dtype=bool)
     lit[..., :, :30] = False
     lit[3, 3:5] = True
-    found = depth_map(darkened(bright, lit), method=method, threads=1, near=1.5, far=4.0)  # type: ignore[arg-type]
+    found = depth_map(darkened(bright, lit), method=method, threads=1, near=1.5, far=4.0)
     assert (found.confidence[:, :30] == 0.0).all()
     assert (found.confidence[:, 40:-4] >= 0.5).mean() > 0.5
 
 
-def test_pictures_are_means_of_what_is_lit(bright: LightField, dark: LightField, lit: np.ndarray) -> None:
+def test_pictures_are_means_of_what_is_lit(bright, dark, lit):
     seen = lit[3, 3][6:-6, 6:-6]
 
-    def error(picture: np.ndarray, exact: np.ndarray) -> float:
+    def error(picture, exact):
         return away(picture[6:-6, 6:-6][seen], exact[6:-6, 6:-6][seen])
 
     # Where a third of the views have no light, brightness would be off by as much.
@@ -104,9 +100,7 @@ def test_pictures_are_means_of_what_is_lit(bright: LightField, dark: LightField,
     assert (sharp[1][:6, :8] == 0.0).all()
 
 
-def test_commands_leave_out_views_without_light(
-    dark: LightField, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_leave_out_views_without_light(dark, tmp_path, capsys):
     file = tmp_path / "dark.lf"
     lf.write(file, dark)
     assert run("info", file, "--json") == 0
@@ -129,7 +123,7 @@ def test_commands_leave_out_views_without_light(
         assert drawn.getpixel((4, 4)) == (128, 128, 128)
 
 
-def test_views_outside_the_lens_are_left_out() -> None:
+def test_views_outside_the_lens_are_left_out():
     geometry = dataclasses.replace(views(5, 5, spacing=0.01), aperture=0.04)
     assert within_lens(geometry).sum() == 13
     assert not within_lens(geometry)[0, 0]
@@ -140,22 +134,19 @@ def test_views_outside_the_lens_are_left_out() -> None:
         depth_map(field, row=0, column=0)
 
 
-# ---- what microlenses saw
-
-
 PITCH = 12.3
 SLOPE = 2.7
 """Pixels by which what a microlens sees moves, for each by which one looks beside its middle."""
 
 
-def ripples(side: float):
+def ripples(side):
     """Waves (x, y) -> (..., 3), 0.2 to 0.8, down to 1.4 pixels of a view long; as means over squares with this side."""
     random = np.random.default_rng(4)
     length = PITCH * 1.4 * 4.0 ** random.random(30)
     angle, phase = random.uniform(0.0, 2.0 * math.pi, 30), random.uniform(0.0, 2.0 * math.pi, (30, 3))
     fx, fy = np.cos(angle) / length, np.sin(angle) / length
 
-    def scene(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def scene(x, y):
         value = np.full((*x.shape, 3), 0.5)
         for u, v, start in zip(fx, fy, phase, strict=True):
             seen = np.sinc(u * side) * np.sinc(v * side)
@@ -166,14 +157,14 @@ def ripples(side: float):
 
 
 @pytest.fixture(scope="module")
-def hexagons() -> Decoded:
+def hexagons():
     """A picture from behind hexagons, each of which averages what is before it, as pixels of views do."""
     camera = Camera(lattice(PITCH, 0.6, (151.0, 122.4), hexagonal=True), 440, 360, vignetting=0.0)
     side = math.sqrt(camera.lattice.area)
     return decode(camera.picture(ripples(side), SLOPE), camera.picture())
 
 
-def test_finer_than_any_view_behind_hexagons(hexagons: Decoded, tmp_path: Path) -> None:
+def test_finer_than_any_view_behind_hexagons(hexagons, tmp_path):
     """Of views' pixels alone, which are interpolated between microlenses, what is fine comes out as something else."""
     hexagons.write(tmp_path / "a.lf")
     with lf.open(tmp_path / "a.lf") as field:
@@ -189,7 +180,7 @@ def test_finer_than_any_view_behind_hexagons(hexagons: Decoded, tmp_path: Path) 
         found = supersampled(field, 4, depth)
         plain = supersampled(dataclasses.replace(field, samples=None), 4, depth)
 
-        def error(picture: np.ndarray) -> float:
+        def error(picture):
             inner = (slice(16, -16), slice(16, -16))
             return away(picture[inner] - 0.5, exact[inner] - 0.5)
 
@@ -198,19 +189,16 @@ def test_finer_than_any_view_behind_hexagons(hexagons: Decoded, tmp_path: Path) 
         assert error(found) < 0.6 * error(plain)
 
 
-def test_noise_is_not_multiplied() -> None:
+def test_noise_is_not_multiplied():
     """However noisy views are, what all of them together tell is better than one of them."""
-    geometry, surfaces = (
-        views(7, 7, spacing=0.023, width=48, height=36),
-        [Surface(2.2, waves(1, 0.06), tilt=(0.3, 0.2))],
-    )
-    field = light_field(geometry, surfaces, noise=0.2)
+    surfaces = [Surface(2.2, waves(1, 0.06), tilt=(0.3, 0.2))]
+    field = light_field(views(7, 7, spacing=0.023, width=48, height=36), surfaces, noise=0.2, supersampling=2)
     fine = light_field(views(1, 1, width=192, height=144), surfaces).view(0, 0)
     depth = Depth(1.0 / field.layers["depth"][3, 3], np.ones((36, 48)), 3, 3)
     assert away(supersampled(field, 4, depth), fine) < 0.6 * away(upsample_cubic(field.view(3, 3), 4), fine)
 
 
-def test_views_of_the_middle_of_a_lens() -> None:
+def test_views_of_the_middle_of_a_lens():
     """Fewer than fit into the sub-images: the lens is wider than all of them together, and they are all lit."""
     geometry = dataclasses.replace(views(3, 3, spacing=0.01, width=12, height=9), aperture=0.2)
     field = LightField(np.ones((3, 3, 9, 12, 3)), geometry)
@@ -220,14 +208,12 @@ def test_views_of_the_middle_of_a_lens() -> None:
         refocus(field, 1.5, aperture=0.1)
 
 
-def test_samples_in_a_file(hexagons: Decoded, tmp_path: Path) -> None:
+def test_samples_in_a_file(hexagons, tmp_path):
     field = hexagons.light_field()
     hexagons.write(tmp_path / "a.lf")
     lf.write(tmp_path / "b.lf", field)
-    assert field.samples is not None
     for name in ("a.lf", "b.lf"):
         with lf.open(tmp_path / name) as read:
-            assert read.samples is not None
             assert np.array_equal(read.samples.place, field.samples.place)
             assert np.array_equal(read.samples.value, field.samples.value, equal_nan=True)
             assert np.array_equal(read.layers[LIT_LAYER], field.layers[LIT_LAYER])
@@ -235,8 +221,6 @@ def test_samples_in_a_file(hexagons: Decoded, tmp_path: Path) -> None:
     assert not lit_views(field)[0, 0]
     assert np.isnan(field.samples.value[0, 0]).all()
     assert run("info", tmp_path / "a.lf", "--check") == 0
-    import h5py
-
     with h5py.File(tmp_path / "b.lf", "r+") as file:
         del file["microlenses/place"]
         file["microlenses/place"] = np.zeros((3, 2))

@@ -1,7 +1,5 @@
 """Depth, sharp and super-sampled pictures of a rendered array, against AOVs and renders of what they should be."""
 
-from pathlib import Path
-
 import numpy as np
 import PIL.Image
 import pytest
@@ -9,6 +7,7 @@ from scipy import ndimage
 
 import raytracer as rt
 from raytracer.lightfield.super_resolution import upsample_cubic
+from tests.lightfield.analytic import away
 
 SCENE = """
 camera: {type: camera_array, rows: 9, columns: 9, spacing: 20 mm, convergence_distance: 2, look_from: [0, 0, 0],
@@ -29,16 +28,12 @@ objects:
 ARRAY = "type: camera_array, rows: 9, columns: 9, spacing: 20 mm, convergence_distance: 2,"
 
 
-def away(picture: np.ndarray, exact: np.ndarray) -> float:
-    return float(np.sqrt(((picture - exact) ** 2).sum() / (exact**2).sum()))
-
-
-def sharpness(picture: np.ndarray) -> float:
+def sharpness(picture):
     return float((np.diff(picture, axis=0) ** 2).mean() + (np.diff(picture, axis=1) ** 2).mean())
 
 
 @pytest.mark.slow
-def test_against_renders(tmp_path: Path) -> None:
+def test_against_renders(tmp_path):
     random = np.random.default_rng(0)
     noise = random.standard_normal((512, 512, 3))
     texture = sum(s * ndimage.gaussian_filter(noise, (s, s, 0), mode="wrap") for s in (1.5, 3.0, 6.0, 12.0, 24.0))

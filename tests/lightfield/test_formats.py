@@ -47,9 +47,6 @@ def same(found, field, tolerance=1e-12):
     assert "units" not in found.settings
 
 
-# ---- round trips
-
-
 @pytest.mark.parametrize("naming", ["grid", "stanford", "hci"])
 @pytest.mark.parametrize("suffix", [".png", ".exr", ".npy", ".hdr"])
 def test_views_are_taken_back(tmp_path, naming, suffix):
@@ -135,9 +132,6 @@ def test_the_benchmarks_own_readers_find_all_their_keys(tmp_path, pose, cell):
     assert found["disp_min"] == pytest.approx(0.02 * (1.0 / farthest - 0.4) / 0.01, rel=1e-5)
 
 
-# ---- what numbers in files mean
-
-
 def test_the_benchmarks_own_numbers_give_its_own_disparity(tmp_path):
     # parameters.cfg of its scene cotton: d = b f W (1/z - 1/F) / s, so that at 3 m, with b = 25 mm, f = 100 mm,
     # W = 512 px, s = 35 mm and F = 4.25 m, a point moves by 3.58543 px to the left in the view to the right.
@@ -179,21 +173,20 @@ def place(row, column, seed):
     return 12.0 * column - 700.0 + rng.uniform(-3.0, 3.0), 12.0 * row + 1100.0 + rng.uniform(-3.0, 3.0)
 
 
-@pytest.mark.parametrize("order", ["as they are", "right to left", "upside down", "at random"])
+@pytest.mark.parametrize(
+    "order",
+    [
+        lambda rows, columns, r, c: (r, c),
+        lambda rows, columns, r, c: (r, columns - 1 - c),
+        lambda rows, columns, r, c: (rows - 1 - r, c),
+        lambda rows, columns, r, c: divmod(7 * (columns * r + c) % (rows * columns), columns),
+    ],
+    ids=["as they are", "right to left", "upside down", "at random"],
+)
 def test_a_stanford_folder_in_any_order(tmp_path, order):
     rows, columns = 4, 5
-    numbering = {
-        "as they are": lambda r, c: (r, c),
-        "right to left": lambda r, c: (r, columns - 1 - c),
-        "upside down": lambda r, c: (rows - 1 - r, c),
-    }.get(order)
     cells = [(r, c) for r in range(rows) for c in range(columns)]
-    if numbering is None:
-        shuffled = cells[:]
-        random.Random(1).shuffle(shuffled)
-        numbered = dict(zip(cells, shuffled, strict=True))
-    else:
-        numbered = {cell: numbering(*cell) for cell in cells}
+    numbered = {cell: order(rows, columns, *cell) for cell in cells}
     places = [[place(r, c, 0) for c in range(columns)] for r in range(rows)]
     names = list(names_of(places, numbering=numbered))
     random.Random(2).shuffle(names)
@@ -266,14 +259,6 @@ def test_whole_numbers_of_arrays_are_what_displays_show(tmp_path):
     assert import_views(tmp_path / "b.npy").radiance[0, 1].tolist() == np.full((2, 2, 3), 0.25).tolist()
 
 
-# ---- what is wrong
-
-
-def make(folder, *names, view=None):
-    for name in names:
-        np.save(folder / name, shade(0, 0) if view is None else view)
-
-
 def text(name, words):
     return lambda folder: (folder / name).write_text(words)
 
@@ -283,117 +268,68 @@ CFG = (
     "[extrinsics]\nnum_cams_x = 1\nnum_cams_y = 1\nbaseline_mm = 25\nfocus_distance_m = 4\n"
 )
 
+
+def cfg(old="", new=""):
+    return text("parameters.cfg", CFG.replace(old, new) if old else CFG)
+
+
+def mapped(data):
+    return lambda folder: (cfg()(folder), (folder / "gt_depth_lowres.pfm").write_bytes(data))
+
+
+METRES = {"spacing": 0.1, "focus_distance": 1.0}
+# Views of a folder, what else is done to it, options, and what is told.
 WRONG = {
-    "an empty folder": ([], None, {}, "holds no views"),
-    "no views": ([], text("readme.txt", "hello"), {}, "holds no views"),
-    "a missing view": (["v_0_0.npy", "v_0_1.npy", "v_1_0.npy"], None, {}, "the view of row 1, column 1 is missing"),
-    "two for one place": (
-        ["v_0_0.npy", "v_00_0.npy"],
-        None,
-        {},
-        "v_0_0.npy and v_00_0.npy are both|are both view 0, 0",
-    ),
-    "names without numbers": (["a.npy"], None, {}, "must end in row and column, as view_03_05.png; a.npy does not"),
-    "a count that is no square": (["1.npy", "2.npy", "3.npy"], None, {}, "say --rows or --columns"),
-    "another count": (["1.npy", "2.npy", "3.npy"], None, {"rows": 2}, "holds 3 views, not 2 rows of 1"),
-    "two light fields": (["a_0_0.npy", "b_0_0.npy"], None, {}, "more than one light field"),
-    "not enough for metres": (["v_0_0.npy"], None, {"spacing": 0.1}, r"need also --focus-distance .* and --vfov"),
-    "half a lens": (
-        ["v_0_0.npy"],
-        None,
-        {"spacing": 0.1, "focus_distance": 1.0, "sensor": 36.0},
-        "need also --vfov, or --focal-length with --sensor",
-    ),
+    "no views": ("", text("readme.txt", "hello"), {}, "holds no views"),
+    "a missing view": ("v_0_0 v_0_1 v_1_0", None, {}, "the view of row 1, column 1 is missing"),
+    "two for one place": ("v_0_0 v_00_0", None, {}, "v_0_0.npy and v_00_0.npy are both|are both view 0, 0"),
+    "names without numbers": ("a", None, {}, "must end in row and column, as view_03_05.png; a.npy does not"),
+    "a count that is no square": ("1 2 3", None, {}, "say --rows or --columns"),
+    "another count": ("1 2 3", None, {"rows": 2}, "holds 3 views, not 2 rows of 1"),
+    "two light fields": ("a_0_0 b_0_0", None, {}, "more than one light field"),
+    "not enough for metres": ("v_0_0", None, {"spacing": 0.1}, r"need also --focus-distance .* and --vfov"),
+    "half a lens": ("v_0_0", None, {**METRES, "sensor": 36.0}, "need also --vfov, or --focal-length with --sensor"),
     "two spacings for places": (
-        ["out_0_0_0_0_.npy", "out_0_1_0_5_.npy"],
+        "out_0_0_0_0_ out_0_1_0_5_",
         None,
-        {"spacing": (0.1, 0.2), "focus_distance": 1.0, "vfov": 30.0},
+        {**METRES, "spacing": (0.1, 0.2), "vfov": 30.0},
         "--spacing is one length",
     ),
-    "all at one place": (["out_0_0_5_5_.npy", "out_0_1_5_5_.npy"], None, {}, "all views are at the same place"),
-    "a broken view": (["v_0_0.npy"], text("v_0_1.npy", "hello"), {}, "v_0_1.npy: is no NumPy file"),
-    "a broken geometry": (["v_0_0.npy"], text("geometry.json", "{"), {}, "is no geometry of a light field"),
-    "an empty geometry": (["v_0_0.npy"], text("geometry.json", "{}"), {}, "has no 'position'"),
-    "a list for a geometry": (["v_0_0.npy"], text("geometry.json", "[1]"), {}, "is no geometry"),
-    "parameters that are none": (["input_Cam000.npy"], text("parameters.cfg", "hello"), {}, "is no file of parameters"),
-    "too few parameters": (
-        ["input_Cam000.npy"],
-        text("parameters.cfg", "[intrinsics]\n"),
+    "all at one place": ("out_0_0_5_5_ out_0_1_5_5_", None, {}, "all views are at the same place"),
+    "a broken view": ("v_0_0", text("v_0_1.npy", "hello"), {}, "v_0_1.npy: is no NumPy file"),
+    "a view of another size": (
+        "v_0_0",
+        lambda folder: np.save(folder / "v_0_1.npy", np.zeros((HEIGHT, 9, 3))),
         {},
-        "has no image_resolution_x_px",
+        "v_0_1.npy: is of 9 x 6 pixels, and must be 8 x 6 as v_0_0.npy is",
     ),
-    "a text for a parameter": (
-        ["input_Cam000.npy"],
-        text("parameters.cfg", CFG.replace("= 25", "= wide")),
-        {},
-        "baseline_mm must be a number, not 'wide'",
-    ),
-    "no baseline": (
-        ["input_Cam000.npy"],
-        text("parameters.cfg", CFG.replace("= 25", "= 0")),
-        {},
-        "baseline_mm must be greater than 0",
-    ),
-    "nan for a baseline": (
-        ["input_Cam000.npy"],
-        text("parameters.cfg", CFG.replace("= 25", "= nan")),
-        {},
-        "baseline_mm must be greater than 0, not nan",
-    ),
-    "half a camera": (
-        ["input_Cam000.npy"],
-        text("parameters.cfg", CFG.replace("num_cams_x = 1", "num_cams_x = 1.5")),
-        {},
-        "num_cams_x must be an integer",
-    ),
-    "more cameras than views": (
-        ["input_Cam000.npy"],
-        text("parameters.cfg", CFG.replace("num_cams_x = 1", "num_cams_x = 9")),
-        {},
-        "holds 1 views, not 1 rows of 9",
-    ),
-    "other pixels": (
-        ["input_Cam000.npy"],
-        text("parameters.cfg", CFG.replace("x_px = 8", "x_px = 512")),
-        {},
-        "says 512 x 6 pixels a view; they have 8 x 6",
-    ),
-    "a broken map": (
-        ["input_Cam000.npy"],
-        lambda folder: (text("parameters.cfg", CFG)(folder), text("gt_depth_lowres.pfm", "Pf\n")(folder)),
-        {},
-        "is truncated, or no .pfm file",
-    ),
-    "a map of another size": (
-        ["input_Cam000.npy"],
-        lambda folder: (
-            text("parameters.cfg", CFG)(folder),
-            (folder / "gt_depth_lowres.pfm").write_bytes(pfm.encode(np.ones((2, 2)))),
-        ),
-        {},
-        "must be of 8 x 6 pixels as the views are",
-    ),
+    "a broken geometry": ("v_0_0", text("geometry.json", "{"), {}, "is no geometry of a light field"),
+    "a list for a geometry": ("v_0_0", text("geometry.json", "[1]"), {}, "is no geometry"),
+    "an empty geometry": ("v_0_0", text("geometry.json", "{}"), {}, "has no 'position'"),
+    "no parameters": ("input_Cam000", text("parameters.cfg", "hello"), {}, "is no file of parameters"),
+    "too few": ("input_Cam000", text("parameters.cfg", "[intrinsics]\n"), {}, "has no image_resolution_x_px"),
+    "a text": ("input_Cam000", cfg("= 25", "= wide"), {}, "baseline_mm must be a number, not 'wide'"),
+    "no baseline": ("input_Cam000", cfg("= 25", "= 0"), {}, "baseline_mm must be greater than 0"),
+    "nan for a baseline": ("input_Cam000", cfg("= 25", "= nan"), {}, "baseline_mm must be greater than 0, not nan"),
+    "half a camera": ("input_Cam000", cfg("x = 1", "x = 1.5"), {}, "num_cams_x must be an integer"),
+    "more cameras than views": ("input_Cam000", cfg("x = 1", "x = 9"), {}, "holds 1 views, not 1 rows of 9"),
+    "other pixels": ("input_Cam000", cfg("= 8", "= 512"), {}, "says 512 x 6 pixels a view; they have 8 x 6"),
+    "a broken map": ("input_Cam000", mapped(b"Pf\n"), {}, "is truncated, or no .pfm file"),
+    "a small map": ("input_Cam000", mapped(pfm.encode(np.ones((2, 2)))), {}, "must be of 8 x 6 pixels as the views"),
 }
 
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_folder_is_told_in_a_sentence(tmp_path, name):
     names, act, options, sentence = WRONG[name]
-    make(tmp_path, *names)
+    for view in names.split():
+        np.save(tmp_path / f"{view}.npy", shade(0, 0))
     if act is not None:
         act(tmp_path)
     with pytest.raises(InputError, match=sentence) as told:
         np.asarray(import_views(tmp_path, **options).radiance[:])
     assert str(tmp_path) in str(told.value)
     assert "\n" not in str(told.value)
-
-
-def test_views_of_two_sizes(tmp_path):
-    make(tmp_path, "v_0_0.npy")
-    make(tmp_path, "v_0_1.npy", view=np.zeros((HEIGHT, 9, 3)))
-    found = import_views(tmp_path)
-    with pytest.raises(InputError, match=r"v_0_1.npy: is of 9 x 6 pixels, and must be 8 x 6 as v_0_0.npy is"):
-        found.radiance[0, 1]
 
 
 @pytest.mark.parametrize(
@@ -472,7 +408,8 @@ def test_what_is_too_bright_is_counted(tmp_path):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are POSIX's")
 @pytest.mark.parametrize("name", ["geometry.json", "parameters.cfg"])
 def test_a_pipe_is_not_waited_for(tmp_path, name):
-    make(tmp_path, *(f"input_Cam{number:03d}.npy" for number in range(4)))
+    for number in range(4):
+        np.save(tmp_path / f"input_Cam{number:03d}.npy", shade(0, 0))
     os.mkfifo(tmp_path / name)
     with pytest.raises(InputError, match=f"{name}: .*no regular file"):
         import_views(tmp_path)

@@ -6,9 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from raytracer.film.image import Image
 from raytracer.film.light_field.field import LightField, rays_from_layer
 from raytracer.film.light_field.focusing import refocusable
 from raytracer.film.light_field.layout import extract_light_field as of
@@ -16,6 +14,7 @@ from raytracer.lightfield.refocusing.fourier import FourierRefocuser
 from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.rendering.render import render
+from tests.lightfield.analytic import away
 from tests.small_scenes import scene
 
 WIDTH, HEIGHT, VIEWS, APERTURE, FOCUS = 96, 72, 15, 0.06, 0.6
@@ -40,7 +39,7 @@ _CAMERA = "camera: {%s, look_from: [0, 0, 0.6], look_at: [0, 0, 0], vfov: 30, fo
 # Of the range in which neighbouring views differ by a pixel at most, in 1/distance from the common plane: from 12 to
 # 0.28 m, and then nearer.
 INSIDE = (-0.85, -0.5, -0.07, 0.3, 0.6, 1.0)
-OUTSIDE = (1.5,)
+OUTSIDE = 1.5
 
 # The ends of that range and what lies between; each is a photograph of its own.
 EVERY_INSIDE = [part if part in {-0.85, 0.3, 1.0} else pytest.param(part, marks=pytest.mark.slow) for part in INSIDE]
@@ -49,41 +48,36 @@ EVERY_INSIDE = [part if part in {-0.85, 0.3, 1.0} else pytest.param(part, marks=
 INNER = (slice(8, -8), slice(8, -8))
 
 
-def _rendered(keys: str, distance: float, spp: int, aovs: tuple[str, ...] = (), *, camera: str = _CAMERA) -> Image:
+def _rendered(keys, distance, spp, aovs=(), *, camera=_CAMERA):
     text = camera % (keys, distance) + _SCENE
     spec = scene(text, width=WIDTH, height=HEIGHT, spp=spp, max_depth=1, sampler="sobol", filled=False)
     return render(spec, threads=2, seed=5, aovs=aovs).image
 
 
 @cache
-def photograph(distance: float, aperture: float = APERTURE) -> Image:
+def photograph(distance, aperture=APERTURE):
     """Render the picture of a thin lens, with its rays."""
     return _rendered(f"type: thin_lens, aperture: {1e3 * aperture!r}", distance, 256, ("rays",))
 
 
 @pytest.fixture(scope="module")
-def field() -> LightField:
+def field():
     """15 x 15 views whose square lenses tile a plane as large as the thin lens."""
     array = f"type: camera_array, rows: {VIEWS}, columns: {VIEWS}, spacing: {APERTURE / VIEWS!r}, fill: true"
     return of(_rendered(array, FOCUS, 8))
 
 
-def _distance(field: LightField, part: float) -> float:
+def _distance(field, part):
     inverse = field.views.inverse_focus
     return 1.0 / (inverse + part * (1.0 / refocusable(field.views)[0] - inverse))
 
 
-def _relative(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """RMS of the difference, relative to that of the picture."""
-    difference, picture = a[INNER] - b[INNER], b[INNER]
-    return float(np.sqrt(np.mean(difference**2) / np.mean(picture**2)))
-
-
-# ---- Views
+def _relative(a, b):
+    return away(a, b, 8)
 
 
 @pytest.mark.parametrize("part", EVERY_INSIDE)
-def test_inside_the_range_views_make_the_photograph(field: LightField, part: float) -> None:
+def test_inside_the_range_views_make_the_photograph(field, part):
     distance = _distance(field, part)
     truth = photograph(distance).radiance
     error = _relative(refocus(field, distance, aperture=APERTURE).radiance, truth)
@@ -93,23 +87,22 @@ def test_inside_the_range_views_make_the_photograph(field: LightField, part: flo
     assert left > 2.5 * error
 
 
-@pytest.mark.parametrize("part", OUTSIDE)
-def test_outside_of_it_they_are_near_the_photograph(field: LightField, part: float) -> None:
+def test_outside_of_it_they_are_near_the_photograph(field):
     # Copies of edges come apart, by half a pixel more than they are wide.
-    distance = _distance(field, part)
+    distance = _distance(field, OUTSIDE)
     truth = photograph(distance).radiance
     assert _relative(refocus(field, distance, aperture=APERTURE).radiance, truth) < 0.02
     assert _relative(refocus(field, FOCUS, aperture=APERTURE).radiance, truth) > 0.1
 
 
-@pytest.mark.parametrize("part", [*EVERY_INSIDE, *OUTSIDE])
-def test_a_slice_of_the_spectrum_is_the_sum_of_the_views(field: LightField, part: float) -> None:
+@pytest.mark.parametrize("part", [*EVERY_INSIDE, OUTSIDE])
+def test_a_slice_of_the_spectrum_is_the_sum_of_the_views(field, part):
     distance = _distance(field, part)
     summed = refocus(field, distance, aperture=APERTURE).radiance
     assert _relative(refocus(field, distance, aperture=APERTURE, method="fourier").radiance, summed) < 0.01
 
 
-def test_one_spectrum_serves_all_planes(field: LightField) -> None:
+def test_one_spectrum_serves_all_planes(field):
     weights = cell_weights(field.views, APERTURE)
     inverses = [1.0 / _distance(field, part) for part in INSIDE]
     slices = FourierRefocuser(field, inverses, weights)
@@ -118,40 +111,33 @@ def test_one_spectrum_serves_all_planes(field: LightField) -> None:
         assert _relative(slices.picture(inverse), image.radiance) < 0.01
 
 
-# ---- Rays
-
-
-def _anywhere(picture: Image) -> LightField:
+def _anywhere(picture):
     """The rays of a photograph, as places in the plane in which a lens focused at FOCUS is sharp: where they are in
     the scene, and nothing of how the lens was focused that they went through."""
     views = replace(of(picture).views, inverse_focus=1.0 / FOCUS)
     return LightField(picture.radiance[None, None], views, rays=rays_from_layer(picture.layers["rays"], views))
 
 
-@pytest.mark.parametrize("part", [*EVERY_INSIDE, *OUTSIDE])
-def test_the_same_rays_make_the_same_picture(field: LightField, part: float) -> None:
+@pytest.mark.parametrize("part", [*EVERY_INSIDE, OUTSIDE])
+def test_the_same_rays_make_the_same_picture(field, part):
     distance = _distance(field, part)
     picture = photograph(distance)
     found = refocus(_anywhere(picture), distance, method="rays").radiance
     np.testing.assert_allclose(found, picture.radiance, rtol=1e-10)
 
 
-@pytest.mark.parametrize("part", [*EVERY_INSIDE, *OUTSIDE])
-def test_rays_of_one_focus_make_the_photograph_of_another(field: LightField, part: float) -> None:
+@pytest.mark.parametrize("part", [*EVERY_INSIDE, OUTSIDE])
+def test_rays_of_one_focus_make_the_photograph_of_another(field, part):
     distance = _distance(field, part)
     truth, taken = photograph(distance), photograph(FOCUS)
     found = refocus(of(taken), distance, method="rays").radiance
-    assert truth.variance is not None
     noise = float(np.sqrt(truth.variance[INNER].mean() / np.mean(truth.radiance[INNER] ** 2)))
     # Two pictures of as many independent samples differ by sqrt(2) of the noise of one; Sobol's are better.
     assert _relative(found, truth.radiance) < 1.42 * noise
 
 
-# ---- Apertures after the shot
-
-
 @pytest.mark.parametrize("distance", [0.6, 0.4, 1.4])
-def test_stopped_down_after_the_shot(field: LightField, distance: float) -> None:
+def test_stopped_down_after_the_shot(field, distance):
     # 216 mm at f/3.6 is the lens of 60 mm; f/18 is 12 mm.
     wide, deep = photograph(distance).radiance, photograph(distance, 0.2 * APERTURE).radiance
     opened, stopped = (refocus(field, distance, f_number=number).radiance for number in (3.6, 18.0))
@@ -164,19 +150,16 @@ def test_stopped_down_after_the_shot(field: LightField, distance: float) -> None
     assert np.corrcoef(difference.ravel(), expected.ravel())[0, 1] > 0.98
 
 
-def test_rays_are_stopped_down_one_by_one() -> None:
+def test_rays_are_stopped_down_one_by_one():
     distance, opening = 0.4, 0.5 * APERTURE
     rays = of(photograph(distance))
     found = refocus(rays, distance, aperture=opening, method="rays").radiance
     assert _relative(found, photograph(distance, opening).radiance) < 0.02
 
 
-# ---- Behind microlenses
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("part", [-0.85, -0.5, 0.3, 1.0])
-def test_a_microlens_camera_takes_the_same_photographs(part: float) -> None:
+def test_a_microlens_camera_takes_the_same_photographs(part):
     field = _behind_microlenses()
     distance, top = _distance(field, part), field.views.plane.top
     # Its framing is that of its views.
@@ -192,7 +175,7 @@ def test_a_microlens_camera_takes_the_same_photographs(part: float) -> None:
 
 
 @cache
-def _behind_microlenses() -> LightField:
+def _behind_microlenses():
     text = _CAMERA % ("type: light_field, f_number: 3.6, microlenses: {pixels: 15}", FOCUS) + _SCENE
     size = {"width": VIEWS * WIDTH, "height": VIEWS * HEIGHT}
     return of(render(scene(text, **size, spp=16, max_depth=1, sampler="sobol", filled=False), threads=2, seed=5).image)

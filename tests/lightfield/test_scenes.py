@@ -1,7 +1,6 @@
 """The scenes of light fields, and the files that they are made of."""
 
 import runpy
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,30 +12,24 @@ FILES = sorted((SCENES / "lightfield").glob("*.yaml"))
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_scene_says_what_to_look_at_and_what_to_change(path: Path) -> None:
-    comment = path.read_text(encoding="utf-8").partition("camera:")[0]
-    assert "# Look at: " in comment
-    assert "# Change: " in path.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_scene_holds_a_light_field(path: Path) -> None:
+def test_a_scene_holds_a_light_field_and_says_what_to_look_at_and_to_change(path):
+    text = path.read_text(encoding="utf-8")
+    assert "# Look at: " in text.partition("camera:")[0]
+    assert "# Change: " in text
     spec = load(path)
-    layout = spec.camera.layout(spec.film.width, spec.film.height)
-    assert layout is not None
-    views = layout.views
+    views = spec.camera.layout(spec.film.width, spec.film.height).views
     assert views.rows > 1
     assert views.columns > 1
     assert views.pose is not None
 
 
-def test_the_letters_are_those_that_their_program_writes() -> None:
+def test_the_letters_are_those_that_their_program_writes():
     written = runpy.run_path(str(ROOT / "scenes" / "generate" / "letters.py"))
     for name, strips in written["LETTERS"].items():
         assert (SCENES / "lightfield" / "letters" / f"{name}.ply").read_bytes() == written["ply"](strips), name
 
 
-def test_the_dragon_is_one_skin_with_whole_triangles() -> None:
+def test_the_dragon_is_one_skin_with_whole_triangles():
     """Each edge of its body has two triangles, but for the rings at the tip of the tail and at the nose."""
     written = runpy.run_path(str(ROOT / "scenes" / "generate" / "dragon.py"))
     vertices, triangles = written["skin"]()

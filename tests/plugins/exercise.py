@@ -4,11 +4,8 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tests.repository import ROOT
 
@@ -26,7 +23,7 @@ out = {{}}
 _SAVE = "\nnp.savez({file!r}, **out)\n"
 
 
-def run_with_kind(family: str, name: str, code: str, folder: Path) -> dict[str, NDArray[Any]]:
+def run_with_kind(family, name, code, folder):
     """Run code in a process whose family of plugins has an example's file, and return the arrays that it puts in `out`.
 
     Parameters
@@ -52,6 +49,6 @@ def run_with_kind(family: str, name: str, code: str, folder: Path) -> dict[str, 
         return dict(arrays)
 
 
-def code_lines(name: str) -> int:
+def code_lines(name):
     """Count the lines of an example's file."""
     return len((EXAMPLES / name).read_text(encoding="utf-8").splitlines())

@@ -16,16 +16,15 @@ import tempfile
 import threading
 import time
 import tracemalloc
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import psutil
+import trimesh
 
 import raytracer as rt
 from raytracer.scene.cache import RenderCache
 from raytracer.scene.overrides import apply_overrides
-from raytracer.scene.spec import SceneSpec
 
 SETTLED_SECONDS = 300.0
 """Time before this does not count: caches are filled, and the allocator finds its size."""
@@ -62,7 +61,7 @@ _SWEEPS = (
 )
 
 
-def sweeps(spec: SceneSpec, folder: Path) -> Iterator[int]:
+def sweeps(spec, folder):
     """Sweep for ever; yield the points of each sweep once it is done and its pictures are gone."""
     cache = RenderCache()
     for number, values in enumerate(itertools.cycle(_SWEEPS)):
@@ -79,7 +78,7 @@ def sweeps(spec: SceneSpec, folder: Path) -> Iterator[int]:
         yield points
 
 
-def renders(spec: SceneSpec, folder: Path) -> Iterator[int]:
+def renders(spec, folder):
     """Render for ever, with a scene that is new each time, and write the picture."""
     for number in itertools.count():
         changed = apply_overrides(spec, {"objects.1.radius": 0.1 + 0.8 * (number % 97) / 97.0, "render.seed": number})
@@ -91,32 +90,26 @@ def renders(spec: SceneSpec, folder: Path) -> Iterator[int]:
         yield 1
 
 
-class Watch:
-    """A thread that measures this process's resident memory every few seconds."""
+class Watch(threading.Thread):
+    """Measures this process's resident memory every few seconds."""
 
-    def __init__(self) -> None:
-        self.seconds: list[float] = []
-        self.resident: list[int] = []
-        self._start, self._over, self._process = time.monotonic(), threading.Event(), psutil.Process()
-        self._thread = threading.Thread(target=self._look, daemon=True)
-        self._thread.start()
+    def __init__(self):
+        super().__init__(daemon=True)
+        self.seconds, self.resident = [], []
+        self._begin, self.over, self._process = time.monotonic(), threading.Event(), psutil.Process()
+        self.start()
 
-    def _look(self) -> None:
-        while not self._over.wait(_EVERY_SECONDS):
+    def run(self):
+        while not self.over.wait(_EVERY_SECONDS):
             self.seconds.append(self.passed())
             self.resident.append(self._process.memory_info().rss)
 
-    def passed(self) -> float:
+    def passed(self):
         """Return the seconds since the start."""
-        return time.monotonic() - self._start
-
-    def stop(self) -> None:
-        """Stop measuring."""
-        self._over.set()
-        self._thread.join()
+        return time.monotonic() - self._begin
 
 
-def slope(seconds: list[float], resident: list[int], settled: float) -> tuple[float, float]:
+def slope(seconds, resident, settled):
     """Fit the bytes a minute after `settled` seconds, with their standard error if deviations are independent.
 
     Raises
@@ -133,14 +126,7 @@ def slope(seconds: list[float], resident: list[int], settled: float) -> tuple[fl
     return float(fit[0]), float(np.sqrt(covariance[0, 0] * variance))
 
 
-def _ball(path: Path) -> None:
-    """Write a mesh of some hundred triangles."""
-    import trimesh
-
-    trimesh.creation.icosphere(subdivisions=2, radius=0.4).export(path)
-
-
-def main() -> int:
+def main():
     """Run for so many minutes, and report the growth of the memory."""
     parser = argparse.ArgumentParser(prog="python -m tests.reliability.hour", description=__doc__.split("\n\n")[0])
     parser.add_argument("--minutes", type=float, default=60.0)
@@ -149,32 +135,25 @@ def main() -> int:
     parser.add_argument("--series", type=Path, help="a CSV file of seconds, bytes and points done")
     parser.add_argument("--trace", action="store_true", help="show which lines hold what was added (slow)")
     given = parser.parse_args()
-
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
-        _ball(folder / "ball.obj")
+        trimesh.creation.icosphere(subdivisions=2, radius=0.4).export(folder / "ball.obj")
         (folder / "scene.yaml").write_text(_SCENE)
-        spec = rt.load(folder / "scene.yaml")
-        watch, done, counts = Watch(), 0, []
-        before, told = None, 0.0
-        for points in (renders if given.renders else sweeps)(spec, folder):
+        watch, done, counts, before = Watch(), 0, [], None
+        for points in (renders if given.renders else sweeps)(rt.load(folder / "scene.yaml"), folder):
             done += points
             counts.append((watch.passed(), done))
             if given.trace and before is None and watch.passed() > _MINUTE * given.settled:
                 tracemalloc.start(8)
                 before = tracemalloc.take_snapshot()
-            if watch.passed() > told + _MINUTE:
-                told = watch.passed()
-                print(
-                    f"{told / _MINUTE:5.1f} min {done:7,} points {watch.resident[-1] / _MEGABYTE:8.1f} MB", flush=True
-                )
+            print(f"{watch.passed() / _MINUTE:5.1f} min {done:7,} points", end="\r", flush=True)
             if watch.passed() > _MINUTE * given.minutes:
                 break
-        watch.stop()
+        watch.over.set()
+        watch.join()
     if before is not None:
         for line in tracemalloc.take_snapshot().compare_to(before, "traceback")[:12]:
             print(line, *line.traceback.format()[-8:], sep="\n")
-
     if given.series is not None:
         finished = np.interp(watch.seconds, *zip(*counts, strict=True))
         rows = zip(watch.seconds, watch.resident, finished, strict=True)

@@ -8,11 +8,9 @@ import sys
 import time
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from multiprocessing.synchronize import Event
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,6 +33,10 @@ objects:
   - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.8}}
 """
 
+OUTPUTS = ("out.png", "out.exr", "out.npy")
+CHECKPOINT = f"{OUTPUTS[0]}{SUFFIX}"
+CHECKPOINTS = (CHECKPOINT, f"{CHECKPOINT}.previous")
+
 FOREVER = ("--spp", "100000000")
 """More samples than any test waits for."""
 
@@ -49,7 +51,7 @@ class Ended(NamedTuple):
     err: str
 
     @property
-    def sentences(self) -> list[str]:
+    def sentences(self):
         """Return the lines on stderr but warnings."""
         return [line for line in self.err.splitlines() if not line.startswith("rt: warning: ")]
 
@@ -57,26 +59,23 @@ class Ended(NamedTuple):
 class Process:
     """A running command of `rt`."""
 
-    def __init__(self, words: Sequence[str], cwd: Path, **settings: Any) -> None:
+    def __init__(self, words, cwd, **settings):
         self.began = time.perf_counter()
-        self.popen = subprocess.Popen(
-            [sys.executable, "-c", RT, *words],
-            cwd=cwd,
-            stdin=subprocess.DEVNULL,
-            text=True,
-            **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **settings},
-        )
+        settings = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **settings}
+        command = [sys.executable, "-c", RT, *words]
+        self.popen = subprocess.Popen(command, cwd=cwd, stdin=subprocess.DEVNULL, text=True, **settings)
+        self.send = self.popen.send_signal
 
     @property
-    def seconds(self) -> float:
+    def seconds(self):
         """Return the seconds since its start."""
         return time.perf_counter() - self.began
 
     @property
-    def is_running(self) -> bool:
+    def is_running(self):
         return self.popen.poll() is None
 
-    def until(self, condition: Callable[[], bool]) -> bool:
+    def until(self, condition):
         """Wait for a condition, or the end; return True if it holds."""
         end = time.perf_counter() + PATIENCE
         while self.is_running and time.perf_counter() < end:
@@ -85,10 +84,7 @@ class Process:
             time.sleep(_PROMPT_SECONDS)
         return condition()
 
-    def send(self, number: int) -> None:
-        self.popen.send_signal(number)
-
-    def end(self) -> Ended:
+    def end(self):
         """Wait for the end."""
         try:
             out, err = self.popen.communicate(timeout=PATIENCE)
@@ -99,27 +95,36 @@ class Process:
         return Ended(self.popen.returncode, out, err)
 
 
-def run(words: Sequence[str], cwd: Path, **settings: Any) -> Ended:
+def run(words, cwd, **settings):
     """Run a command of `rt` to its end."""
     return Process(words, cwd, **settings).end()
 
 
-def asides(folder: Path) -> list[Path]:
+def present(folder, names=OUTPUTS):
+    """Read those of these files that are there."""
+    return {name: (folder / name).read_bytes() for name in names if (folder / name).exists()}
+
+
+def asides(folder):
     """List the files that are being written in a folder, or were when a process was killed."""
-    return [path for path in _entries(folder) if path.name.endswith(".tmp")]
-
-
-def _entries(folder: Path) -> Iterator[Path]:
     try:
-        yield from [Path(entry.path) for entry in os.scandir(folder)]
+        return [Path(entry.path) for entry in os.scandir(folder) if entry.name.endswith(".tmp")]
     except FileNotFoundError:
-        return
+        return []
+
+
+def print_table(figures, failures):
+    """Print names and numbers, and failures; return the exit status."""
+    for name, value in sorted(figures.items()):
+        print(f"{name:<60} {value}")
+    print(*failures, sep="\n")
+    return 1 if failures else 0
 
 
 # ---- Files that are looked at while they are written
 
 
-def is_whole(path: Path, data: bytes) -> bool:
+def is_whole(path, data):
     """Tell if the bytes of an image, or of a checkpoint, are all there and as they were written."""
     if SUFFIX in path.name:
         try:
@@ -137,50 +142,37 @@ def is_whole(path: Path, data: bytes) -> bool:
         copy.unlink(missing_ok=True)
 
 
-class Seen(NamedTuple):
-    """Counts of files that were opened, and read whole or not; and the names of those that were not."""
-
-    reads: Counter[str]
-    broken: list[str]
-
-
-def _look(folder: str, names: Sequence[str], stop: Event, answers: "multiprocessing.Queue[Seen]") -> None:
+def _look(folder, names, stop, answers):
     """Open files again and again, read them, and check what is new."""
-    reads: Counter[str] = Counter()
-    broken: list[str] = []
-    known: dict[str, int] = {}
-    scratch = Path(folder).with_name(f"{Path(folder).name}-looked-at")
+    reads, broken, known = Counter(), [], {}
+    scratch = folder.with_name(f"{folder.name}-looked-at")
     scratch.mkdir(exist_ok=True)
     parent = multiprocessing.parent_process()
-    while not stop.is_set() and parent is not None and parent.is_alive():
-        for name in names:
-            try:
-                data = (Path(folder) / name).read_bytes()
-            except FileNotFoundError:
-                continue
+    while not stop.is_set() and parent.is_alive():
+        for name, data in present(folder, names).items():
             reads[name] += 1
-            if known.get(name) == hash(data):
-                continue
-            known[name] = hash(data)
-            if not is_whole(scratch / name, data):
-                broken.append(f"{name}, {len(data)} bytes")
+            if known.get(name) != hash(data):
+                known[name] = hash(data)
+                if not is_whole(scratch / name, data):
+                    broken.append(f"{name}, {len(data)} bytes")
         time.sleep(_PROMPT_SECONDS)
-    answers.put(Seen(reads, broken))
+    answers.put((reads, broken))
 
 
 @contextmanager
-def looking(folder: Path, names: Sequence[str]) -> Iterator[Callable[[], Seen]]:
-    """Have a process open these files of a folder all the time; call the result to end it and get its counts."""
+def looking(folder, names):
+    """Have a process open these files of a folder all the time.
+
+    Call the result to end it, and to get how often each was opened, and the names of those that were not whole.
+    """
     context = multiprocessing.get_context("spawn")
     stop, answers = context.Event(), context.Queue()
-    watcher = context.Process(target=_look, args=(str(folder), list(names), stop, answers), daemon=True)
+    watcher = context.Process(target=_look, args=(folder, names, stop, answers), daemon=True)
     watcher.start()
 
-    def ended() -> Seen:
+    def ended():
         stop.set()
-        found = answers.get(timeout=PATIENCE)
-        watcher.join(PATIENCE)
-        return found
+        return answers.get(timeout=PATIENCE)
 
     try:
         yield ended
@@ -189,8 +181,3 @@ def looking(folder: Path, names: Sequence[str]) -> Iterator[Callable[[], Seen]]:
         watcher.join(PATIENCE)
         if watcher.is_alive():
             watcher.kill()
-
-
-def checkpoints(output: str) -> tuple[str, str]:
-    """Name the checkpoint of a picture, and the one before it."""
-    return f"{output}{SUFFIX}", f"{output}{SUFFIX}.previous"

@@ -10,7 +10,6 @@ SIGKILL while they compile, before; with `--damaged` the file of each kernel is 
 
 import argparse
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -21,7 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.core.compiler.kernel_files import _signed_header
 from raytracer.core.compiler.signing_key import FILE_NAME
 
 _KERNELS = (".nbc", ".part")
@@ -53,60 +51,55 @@ print(render_tile.counts["compiled"], digest, time.perf_counter() - began)
 
 
 class Race(NamedTuple):
-    """The outcome of a race: exit statuses, digests of pictures, how many compiled, and seconds of the slowest."""
+    """The outcome of a race: exit statuses, digests of pictures, how many compiled, and what else is left."""
 
     statuses: list[int]
     pictures: set[str]
     compiled: int
-    seconds: float
+    slowest: float
     left: list[str]
     told: str
 
     @property
-    def is_won(self) -> bool:
-        """Tell if all have the same picture, one alone compiled, and nothing but kernels, locks and a key is left."""
+    def is_won(self):
+        """Tell if all have the same picture, one alone compiled, and only kernels, times, locks and a key are left."""
         return not any(self.statuses) and len(self.pictures) == 1 and self.compiled == 1 and not self.left
 
 
-def race(folder: Path, processes: int) -> Race:
+def race(folder, processes):
     """Let processes start together, with the kernel cache `folder/cache` as it is."""
     scene, start = folder / "scene.yaml", folder / f"start-{time.monotonic_ns()}"
     scene.write_text(_SCENE)
     ready = [folder / f"{start.name}-{number}" for number in range(processes)]
     racers = [_racer(folder, scene, path, start) for path in ready]
-    while not all(path.exists() for path in ready):
+    while not all(path.exists() or racer.poll() is not None for path, racer in zip(ready, racers, strict=True)):
         time.sleep(0.05)
-        if all(racer.poll() is not None for racer in racers):
-            break
     start.touch()
     told = [racer.communicate() for racer in racers]
     lines = [out.split() for out, _ in told if out]
+    files = [path for path in (*(folder / "cache").rglob("*"), *(folder / "key").iterdir()) if path.is_file()]
     return Race(
         [racer.returncode for racer in racers],
         {digest for _, digest, _ in lines},
         sum(int(misses) for misses, _, _ in lines),
         max((float(seconds) for _, _, seconds in lines), default=0.0),
-        [
-            path.name
-            for path in (*(folder / "cache").rglob("*"), *(folder / "key").iterdir())
-            if path.is_file() and path.suffix not in (*_KERNELS, ".lock") and path.name != FILE_NAME
-        ],
+        [path.name for path in files if path.suffix not in (*_KERNELS, ".lock", ".took") and path.name != FILE_NAME],
         "".join(error for _, error in told),
     )
 
 
-def _racer(folder: Path, scene: Path, ready: Path, start: Path) -> "subprocess.Popen[str]":
+def _racer(folder, scene, ready, start):
     given = [sys.executable, "-W", "error", "-c", _RACER, str(scene), str(ready), str(start)]
     own = {f"RAYTRACER_{name.upper()}_DIR": str(folder / name) for name in ("cache", "key")}
     return subprocess.Popen(given, env={**os.environ, **own}, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def _kernels(folder: Path) -> list[Path]:
+def _kernels(folder):
     """List the files of kernels and of parts of them."""
     return sorted(path for path in (folder / "cache").rglob("*") if path.suffix in _KERNELS)
 
 
-def kill_compilers(folder: Path, count: int) -> int:
+def kill_compilers(folder, count):
     """Kill processes while they hold the lock and compile; return their number."""
     scene = folder / "scene.yaml"
     scene.write_text(_SCENE)
@@ -124,7 +117,7 @@ def kill_compilers(folder: Path, count: int) -> int:
     return killed
 
 
-def damage(folder: Path, seed: int) -> int:
+def damage(folder, seed):
     """Flip a bit of every kernel that is there; return their number."""
     places = np.random.default_rng(seed)
     found = _kernels(folder)
@@ -135,26 +128,7 @@ def damage(folder: Path, seed: int) -> int:
     return len(found)
 
 
-class _Mark:
-    """Leaves a file where it was unpickled."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return Path.touch, (self._path,)
-
-
-def forge(folder: Path, key: bytes) -> Path:
-    """Replace every kernel by a file that is signed by a key and leaves a mark where it is run; return the mark."""
-    mark = folder / "mark"
-    content = pickle.dumps(_Mark(mark))
-    for path in _kernels(folder):
-        path.write_bytes(_signed_header(path, content, key) + content)
-    return mark
-
-
-def main() -> int:
+def main():
     """Race, and report the outcome."""
     parser = argparse.ArgumentParser(prog="python -m tests.reliability.race", description=__doc__.split("\n\n")[0])
     parser.add_argument("--processes", type=int, default=32)
@@ -169,16 +143,8 @@ def main() -> int:
         if given.damaged:
             print(f"{damage(folder, 1)} kernels damaged")
             done.append(race(folder, given.processes))
-        for found in done:
-            print(
-                f"{len(found.statuses)} processes: {found.statuses.count(0)} succeeded, {len(found.pictures)} "
-                f"different pictures, {found.compiled} compiled, {found.seconds:.1f} s for the slowest; "
-                f"left over: {found.left}"
-            )
-            if found.told:
-                print(found.told[:2000])
-        same = len(set().union(*(found.pictures for found in done))) == 1
-    return 0 if same and all(found.is_won for found in done) else 1
+    print(*done, sep="\n")
+    return 0 if all(found.is_won for found in done) and len({*map(str, (found.pictures for found in done))}) == 1 else 1
 
 
 if __name__ == "__main__":

@@ -1,30 +1,23 @@
 """Renders that are killed and resumed end in the bits of one that nobody has killed; no file is broken at any time."""
 
-from pathlib import Path
-
 import pytest
 
-from tests.reliability.kill import OUTPUTS, Figures, kill
+from tests.reliability.kill import OUTPUTS, kill
 
 
-def _assert_equal(figures: Figures, renders: int) -> None:
-    assert figures.failures == []
-    assert figures.broken == []
-    assert (figures.renders, figures.equal) == (renders, renders)
-    assert all(figures.reads[name] > 0 for name in OUTPUTS)
-
-
-def test_killed_and_resumed_a_picture_is_the_same(tmp_path: Path) -> None:
-    # Of these some are killed before the first checkpoint, some after, some while they write one.
-    figures = kill(4, 2, 11, tmp_path, kinds=["plain"])
-    _assert_equal(figures, 4)
-    assert sum(figures.kills.values()) >= 2
-    assert figures.resumed >= 1
-
-
-@pytest.mark.slow
-def test_200_killed_and_resumed_are_the_same(tmp_path: Path) -> None:
-    figures = kill(200, 3, 1, tmp_path)
-    _assert_equal(figures, 200)
-    assert figures.resumed >= 50
-    assert figures.kills["while a file was written"] >= 20
+@pytest.mark.parametrize(
+    ("renders", "jobs", "seed", "kinds", "killed", "resumed", "writing"),
+    [
+        # Of these some are killed before the first checkpoint, some after, some while they write one.
+        pytest.param(2, 1, 11, ("plain",), 1, 1, 0, id="2"),
+        pytest.param(200, 3, 1, ("plain", "noise", "layers"), 200, 50, 20, id="200", marks=pytest.mark.slow),
+    ],
+)
+def test_killed_and_resumed_a_picture_is_the_same(tmp_path, renders, jobs, seed, kinds, killed, resumed, writing):
+    counts, failures = kill(renders, jobs, seed, tmp_path, kinds=kinds)
+    assert failures == []
+    assert counts["renders"] == counts["equal"] == renders
+    assert all(counts[f"opened {name}"] > 0 for name in OUTPUTS)
+    assert counts["killed"] >= killed
+    assert counts["resumed"] >= resumed
+    assert counts["killed while a file was written"] >= writing

@@ -1,49 +1,32 @@
 """Processes that start together, and one after the other: short runs of `race` and `many`, and the fit of `hour`."""
 
-import secrets
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from raytracer.core.compiler.signing_key import KEY_BYTES, signing_key
 from tests.reliability.hour import slope
 from tests.reliability.many import many
-from tests.reliability.race import damage, forge, kill_compilers, race
+from tests.reliability.race import damage, kill_compilers, race
 
 
 @pytest.mark.slow
-def test_processes_that_start_together_compile_once_whatever_was_left(tmp_path: Path) -> None:
+def test_processes_that_start_together_compile_once_whatever_was_left(tmp_path):
     assert kill_compilers(tmp_path, 2) == 2
     first = race(tmp_path, 6)
     assert first.is_won, first
-    assert damage(tmp_path, 1) == 1
+    # A kernel, and the parts that it is made of.
+    assert damage(tmp_path, 1) > 1
     second = race(tmp_path, 6)
     assert second.is_won, second
     assert second.pictures == first.pictures
 
 
 @pytest.mark.slow
-def test_a_cache_of_somebody_elses_is_compiled_anew_and_not_run(tmp_path: Path) -> None:
-    first = race(tmp_path, 1)
-    mark = forge(tmp_path, secrets.token_bytes(KEY_BYTES))
-    second = race(tmp_path, 2)
-    assert second.is_won, second
-    assert second.pictures == first.pictures
-    assert not mark.exists()
-    # What is signed by the user's own key would be run: the mark tells.
-    forge(tmp_path, signing_key(tmp_path / "key"))
-    race(tmp_path, 1)
-    assert mark.exists()
-
-
-@pytest.mark.slow
-def test_renders_one_after_the_other_leave_nothing(tmp_path: Path) -> None:
+def test_renders_one_after_the_other_leave_nothing(tmp_path):
     found = many(tmp_path, 6)
     assert found.is_clean, found
 
 
-def test_the_slope_is_that_after_what_does_not_count() -> None:
+def test_the_slope_is_that_after_what_does_not_count():
     # 3 MB a minute and noise, after five minutes of growth.
     seconds = np.arange(0.0, 3600.0, 2.0)
     noise = np.random.default_rng(1).normal(0.0, 2e6, len(seconds))

@@ -7,7 +7,6 @@ import shutil
 import signal
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from raytracer.film import load
 from raytracer.film.image import Image
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.progress import SampleBar
-from raytracer.rendering.resumable_state import ResumableState
 from raytracer.util import atomic_write
 from tests.reliability.processes import BALL, Process, asides, run
 
@@ -26,7 +24,7 @@ _RENDER = ["render", "ball.yaml", "--spp", "8", "-q"]
 
 
 @pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def home(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(atomic_write, "_RETRY_SECONDS", (0.01, 0.02))
     (tmp_path / "ball.yaml").write_text(BALL)
@@ -34,16 +32,24 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def refuse(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], list[Path]]:
+def elsewhere(home, monkeypatch):
+    """A folder for temporary files of its own."""
+    (home / "elsewhere").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(home / "elsewhere"))
+    return home / "elsewhere"
+
+
+@pytest.fixture
+def refuse(monkeypatch):
     """Refuse files of a name for want of space, so often; return the list of all attempts."""
     replace = os.replace
 
-    def refusing(name: str, times: int) -> list[Path]:
-        tried: list[Path] = []
+    def refusing(name, times):
+        tried = []
 
-        def replaced(source: Path, target: Path) -> None:
+        def replaced(source, target):
             if Path(target).name == name:
-                tried.append(Path(target))
+                tried.append(target)
                 if len(tried) <= times:
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             replace(source, target)
@@ -54,14 +60,17 @@ def refuse(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], list[Path]]:
     return refusing
 
 
-Refuse = Callable[[str, int], list[Path]]
+def instead(capsys):
+    """Return the last sentence, and the file that it says is there instead."""
+    sentence = capsys.readouterr().err.splitlines()[-1]
+    return sentence, Path(sentence.partition("; instead, there is ")[2])
 
 
-def test_outputs_are_written_side_by_side(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_outputs_are_written_side_by_side(home, monkeypatch):
     """Neither of the two is written before the other one is begun."""
     both, save = threading.Barrier(2), Image.save
 
-    def saved(image: Image, path: Path) -> None:
+    def saved(image, path):
         both.wait(60)
         save(image, path)
 
@@ -70,7 +79,7 @@ def test_outputs_are_written_side_by_side(home: Path, monkeypatch: pytest.Monkey
     assert (home / "a.npy").read_bytes() == (home / "b.npy").read_bytes()
 
 
-def test_what_cannot_be_written_is_tried_again(home: Path, refuse: Refuse, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_written_is_tried_again(home, refuse, capsys):
     tried = refuse("b.npy", 2)
     assert main([*_RENDER, "-o", "a.npy", "-o", "b.npy", "-o", "c.npy"]) == 0
     assert len(tried) == 3
@@ -82,9 +91,7 @@ def test_what_cannot_be_written_is_tried_again(home: Path, refuse: Refuse, capsy
     assert np.array_equal(np.load("a.npy"), np.load("c.npy"))
 
 
-def test_what_stays_impossible_keeps_no_other_from_being_written(
-    home: Path, refuse: Refuse, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_stays_impossible_keeps_no_other_from_being_written(home, refuse, capsys):
     Path("b.npy").write_bytes(b"what was there before")
     refuse("b.npy", 100)
     words = [*_RENDER, "-o", "a.npy", "-o", "b.npy", "--stats", "stats.json", "--checkpoint", "1min"]
@@ -101,9 +108,7 @@ def test_what_stays_impossible_keeps_no_other_from_being_written(
     assert not asides(home)
 
 
-def test_the_picture_comes_from_the_checkpoint_alone(
-    home: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_picture_comes_from_the_checkpoint_alone(home, refuse, monkeypatch):
     words = [*_RENDER, "-o", "a.npy", "--checkpoint", "1min"]
     with monkeypatch.context() as patch:
         patch.setattr(atomic_write, "_RETRY_SECONDS", ())
@@ -119,37 +124,21 @@ def test_the_picture_comes_from_the_checkpoint_alone(
     assert re.search(r'"resumed": \{[^}]*"samples": 24576', stats)
 
 
-def test_without_a_checkpoint_the_picture_goes_elsewhere(
-    home: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    elsewhere = home / "elsewhere"
-    elsewhere.mkdir()
-    monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
+def test_without_a_checkpoint_the_picture_goes_elsewhere(refuse, elsewhere, capsys):
     refuse("a.npy", 3)
     assert main([*_RENDER, "-o", "a.npy"]) == 1
-    sentence = capsys.readouterr().err.splitlines()[-1]
-    found = Path(sentence.partition("; instead, there is ")[2])
+    _, found = instead(capsys)
     assert found.parent.parent == elsewhere
     assert np.isfinite(load(found)).all()
 
 
 @pytest.mark.parametrize("is_gone", [True, False])
-def test_what_a_checkpoint_lacks_goes_elsewhere(
-    home: Path,
-    refuse: Refuse,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    is_gone: bool,
-) -> None:
-    """The last one could not be written, or has gone with its folder."""
-    elsewhere = home / "elsewhere"
-    elsewhere.mkdir()
-    monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
+def test_what_a_checkpoint_lacks_goes_elsewhere(refuse, elsewhere, monkeypatch, capsys, is_gone):
+    # The last one could not be written, or has gone with its folder.
     finish = CheckpointWriter.finish
 
-    def finished(writer: CheckpointWriter, render: ResumableState) -> None:
+    def finished(writer, render):
         finish(writer, render)
-        assert writer.info is not None
         if is_gone:
             writer.info.path.unlink()
         else:
@@ -157,33 +146,27 @@ def test_what_a_checkpoint_lacks_goes_elsewhere(
 
     monkeypatch.setattr(CheckpointWriter, "finish", finished)
     refuse("a.npy", 3)
-    words = ["render", "ball.yaml", "--spp", "20", "-q", "-o", "a.npy", "--checkpoint", "1min"]
-    assert main(words) == 1
-    sentence = capsys.readouterr().err.splitlines()[-1]
+    assert main(["render", "ball.yaml", "--spp", "20", "-q", "-o", "a.npy", "--checkpoint", "1min"]) == 1
+    sentence, found = instead(capsys)
     assert ("a.npy.checkpoint has 8 samples per pixel, and this writes the rest: " in sentence) == (not is_gone)
     assert ("--resume" in sentence) == (not is_gone)
-    assert np.isfinite(load(Path(sentence.partition("; instead, there is ")[2]))).all()
+    assert np.isfinite(load(found)).all()
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_what_a_device_does_not_take_goes_elsewhere(
-    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    elsewhere = home / "elsewhere"
-    elsewhere.mkdir()
-    monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
+def test_what_a_device_does_not_take_goes_elsewhere(elsewhere, capsys):
     assert main([*_RENDER, "-o", "/dev/full"]) == 1
-    found = Path(capsys.readouterr().err.splitlines()[-1].partition("; instead, there is ")[2])
+    _, found = instead(capsys)
     assert found.name == "full.png"
     assert load(found).any()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no folder that is looked into")
-def test_a_folder_that_is_removed_is_made_again(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_is_removed_is_made_again(home, monkeypatch):
     Path("out").mkdir()
     show = SampleBar.show
 
-    def remove(bar: object, progress: object) -> None:
+    def remove(bar, progress):
         shutil.rmtree("out", ignore_errors=True)
         show(bar, progress)  # type: ignore[arg-type]
 
@@ -193,7 +176,7 @@ def test_a_folder_that_is_removed_is_made_again(home: Path, monkeypatch: pytest.
 
 
 @pytest.mark.skipif(sys.platform == "win32" or os.geteuid() == 0, reason="nothing is read-only to the administrator")
-def test_a_read_only_folder_is_told_before_the_work(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_read_only_folder_is_told_before_the_work(home, capsys):
     Path("out").mkdir(mode=0o500)
     assert main([*_RENDER, "-o", "out/a.npy"]) == 2
     assert "no permission to write in the folder" in capsys.readouterr().err
@@ -209,16 +192,14 @@ def test_a_read_only_folder_is_told_before_the_work(home: Path, capsys: pytest.C
         (["--checkpoint", "9s", "--debug", "--pixel", "1,1"], "--checkpoint is for pictures, and --debug makes none"),
     ],
 )
-def test_options_that_make_no_sense_are_refused(
-    home: Path, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_options_that_make_no_sense_are_refused(home, words, sentence, capsys):
     assert main([*_RENDER, "-o", "a.npy", *words]) == 2
     assert capsys.readouterr().err.startswith(f"rt: {sentence}")
     assert sorted(path.name for path in home.iterdir()) == ["ball.yaml"]
 
 
 @pytest.mark.skipif(not Path("/dev/null").exists(), reason="needs a device")
-def test_a_checkpoint_lies_beside_the_first_file(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_checkpoint_lies_beside_the_first_file(home, capsys):
     for word in (["--resume"], ["--checkpoint", "9s"]):
         assert main([*_RENDER, "-o", "/dev/null", *word]) == 2
         assert capsys.readouterr().err.startswith("rt: a checkpoint lies beside the picture, and /dev/null is no file")
@@ -227,7 +208,7 @@ def test_a_checkpoint_lies_beside_the_first_file(home: Path, capsys: pytest.Capt
     assert sorted(path.name for path in home.iterdir()) == ["a.npy", "a.npy.checkpoint", "b.npy", "ball.yaml"]
 
 
-def test_the_summary_says_what_is_kept(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_summary_says_what_is_kept(home, capsys):
     words = ["render", "ball.yaml", "-o", "a.npy", "--checkpoint", "9s"]
     assert main([*words, "--spp", "16"]) == 0
     assert re.search(
@@ -241,7 +222,7 @@ def test_the_summary_says_what_is_kept(home: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_a_log_on_a_full_disk_ends_no_render(home: Path) -> None:
+def test_a_log_on_a_full_disk_ends_no_render(home):
     with open("/dev/full", "w") as full:
         assert run(["render", "ball.yaml", "-o", "a.npy", "--spp", "8"], home, stderr=full).status == 0
         assert np.isfinite(load("a.npy")).all()
@@ -250,10 +231,10 @@ def test_a_log_on_a_full_disk_ends_no_render(home: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows limits no files")
-def test_a_limit_for_the_size_of_files_is_told_and_leaves_none_half_written(home: Path) -> None:
+def test_a_limit_for_the_size_of_files_is_told_and_leaves_none_half_written(home):
     import resource
 
-    def limit() -> None:
+    def limit():
         # A .png of the ball takes 1 kB, an .npy file 74 kB, a checkpoint more.
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 

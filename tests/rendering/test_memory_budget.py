@@ -3,8 +3,7 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,20 +25,13 @@ from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.render import prepare_scene, render
 from raytracer.scene.cache import RenderCache
 from raytracer.util.errors import InputError
+from tests.rendering.halves import halves
 from tests.repository import SCENES, need_files_of
-from tests.small_scenes import scene
-
-_SPHERE = """
-camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
-environment: {type: constant, radiance: 1}
-objects:
-  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.5}}
-"""
 
 _NEEDED = MemoryEstimate(100_000_000, {"the ray caster's structure": 300_000_000, "the picture": 2_000_000_000})
 
 
-def test_too_little_is_refused_with_both_numbers_and_what_helps() -> None:
+def test_too_little_is_refused_with_both_numbers_and_what_helps():
     with pytest.raises(InputError) as error:
         check_memory(_NEEDED, 2_000_000_000)
     assert str(error.value) == (
@@ -50,7 +42,7 @@ def test_too_little_is_refused_with_both_numbers_and_what_helps() -> None:
     check_memory(_NEEDED, 2_400_000_000)
 
 
-def test_what_the_machine_may_have_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_machine_may_have_is_not_refused(monkeypatch):
     # 2.3 GB would be added, of which estimates are right to a quarter.
     for free, fits in ((1_700_000_000, False), (1_900_000_000, True), (2_400_000_000, True)):
         monkeypatch.setattr(
@@ -65,17 +57,22 @@ def test_what_the_machine_may_have_is_not_refused(monkeypatch: pytest.MonkeyPatc
                 check_memory(_NEEDED)
 
 
-def test_a_render_is_refused_before_it_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
-    spec = scene(_SPHERE)
+def test_a_render_is_refused_before_it_is_built(monkeypatch, tmp_path, capsys):
+    spec, path, output = halves(), tmp_path / "halves.yaml", tmp_path / "a.png"
     monkeypatch.setattr("raytracer.scene.pack.scene.PackedScene.build", lambda *given: pytest.fail("built"))
     with pytest.raises(InputError, match="there are 10 MB allowed"):
         render(spec, max_memory=10**7)
+    spec.save(path)
+    assert main(["render", str(path), "-o", str(output), "-q", "--max-memory", "50 MB"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert "50 MB allowed by --max-memory" in said[-1]
+    assert not output.exists()
 
 
-def test_parts_of_a_picture_count_as_large_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parts_of_a_picture_count_as_large_as_they_are(monkeypatch):
     monkeypatch.setattr("raytracer.rendering.render.compile_kernel", lambda *given: 0)
     # 150 MB take some 26 GB by 176 bytes a pixel; a part of a hundredth does not.
-    spec = scene(_SPHERE, width=15_000, height=10_000)
+    spec = halves(width=15_000, height=10_000)
     most = memory_budget.resident_bytes() + 2 * 10**9
     with pytest.raises(InputError, match="this would take about"):
         prepare_scene(spec, RenderOptions(max_memory=most))
@@ -85,19 +82,7 @@ def test_parts_of_a_picture_count_as_large_as_they_are(monkeypatch: pytest.Monke
     prepare_scene(spec, RenderOptions(max_memory=most, crop=(0, 0, 1500, 1000)))
 
 
-def test_the_command_says_so_with_the_status_of_wrong_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    output = tmp_path / "a.png"
-    given = ["render", str(SCENES / "cornell.yaml"), "-o", str(output), "--max-memory"]
-    assert main([*given, "50 MB"]) == 2
-    message = capsys.readouterr().err
-    assert "50 MB allowed by --max-memory" in message
-    assert message.count("\n") == 1
-    assert main([*given, "much"]) == 2
-    assert "--max-memory much: must be an amount of memory" in capsys.readouterr().err
-    assert not output.exists()
-
-
-def test_what_a_picture_takes_adds_up() -> None:
+def test_what_a_picture_takes_adds_up():
     plain = PictureMemory(pixels=1, film=64, spp=64)
     # Film and tally, and as much again where a checkpoint copies them.
     assert plain.bytes() >= 64 + 48
@@ -110,16 +95,16 @@ def test_what_a_picture_takes_adds_up() -> None:
     assert large < 7 * 10**9
 
 
-def test_a_structure_that_is_there_takes_nothing_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_structure_that_is_there_takes_nothing_more(monkeypatch):
     monkeypatch.setattr("raytracer.rendering.render.compile_kernel", lambda *given: 0)
-    spec, cache = scene(_SPHERE), RenderCache()
+    spec, cache = halves(), RenderCache()
     first = prepare_scene(spec, cache=cache).packed
     assert memory_budget.structure_memory(first).resident > 0
     assert memory_budget.structure_memory(first, RenderCache()).resident > 0
     assert memory_budget.structure_memory(first, cache) == StructureMemory(0, 0)
 
 
-def _triangles(count: int) -> dict[int, Geometry]:
+def _triangles(count):
     side = int((count / 2) ** 0.5)
     x, y = np.meshgrid(np.arange(side + 1), np.arange(side + 1))
     heights = np.random.default_rng(1).random((side + 1) ** 2)
@@ -130,13 +115,13 @@ def _triangles(count: int) -> dict[int, Geometry]:
     return {0: Geometry(Primitive.TRIANGLE, (vertices,), indices)}
 
 
-def _spheres(count: int) -> dict[int, Geometry]:
+def _spheres(count):
     rows = np.random.default_rng(1).random((count, 4), dtype=np.float32) * np.array([100, 100, 100, 0.5], np.float32)
     return {0: Geometry(Primitive.SPHERE, (rows,))}
 
 
 @pytest.mark.parametrize("made", [_triangles, _spheres])
-def test_a_structure_takes_what_is_estimated(made: Any) -> None:
+def test_a_structure_takes_what_is_estimated(made):
     # By the process's own memory, which grows by some MB at a time, and of which other tests may have left some.
     geometries = made(1_000_000)
     before = memory_budget.resident_bytes()
@@ -148,7 +133,7 @@ def test_a_structure_takes_what_is_estimated(made: Any) -> None:
     assert estimate.resident <= estimate.peak
 
 
-def test_what_moves_takes_more_by_pose() -> None:
+def test_what_moves_takes_more_by_pose():
     rest = Geometry(Primitive.TRIANGLE, (np.zeros((3, 3), np.float32),), np.zeros((1000, 3), np.uint32))
     found = [structure_bytes({0: rest._replace(vertices=rest.vertices * poses)}, (), ()) for poses in (1, 2, 3, 9)]
     assert [one.peak for one in found] == sorted(one.peak for one in found)
@@ -156,63 +141,55 @@ def test_what_moves_takes_more_by_pose() -> None:
     assert structure_bytes({}, ({0: rest}, {0: rest}), ()).resident == 2 * found[0].resident
 
 
-def test_a_structure_takes_less_once_it_is_built() -> None:
-    for still, moving, _ in (*memory_budget._BYTES_PER_PRIMITIVE.values(), memory_budget._BYTES_PER_INSTANCE):
-        assert still.resident <= still.peak
-        assert moving.resident <= moving.peak
-
-
 # ---- Available memory
 
 
-def test_control_groups_leave_the_least_of_what_each_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # Linux's cgroup-v2.rst: memory.max holds for a group and all in it; cached files are given back.
-    monkeypatch.setattr("psutil.swap_memory", lambda: type("Swap", (), {"free": 0}))
-    groups, inner = tmp_path / "cgroup", tmp_path / "mount" / "job" / "step"
-    groups.write_text("0::/job/step\n")
-    inner.mkdir(parents=True)
-    assert cgroup_bytes_left(tmp_path / "mount", groups) is None
-    (inner / "memory.max").write_text("max\n")
-    (inner / "memory.current").write_text("500\n")
-    assert cgroup_bytes_left(tmp_path / "mount", groups) is None
-    (inner.parent / "memory.max").write_text("1000\n")
-    (inner.parent / "memory.current").write_text("700\n")
-    assert cgroup_bytes_left(tmp_path / "mount", groups) == 300
-    (inner.parent / "memory.stat").write_text("anon 600\nfile 100\n")
-    assert cgroup_bytes_left(tmp_path / "mount", groups) == 400
-    (inner / "memory.max").write_text("600\n")
-    assert cgroup_bytes_left(tmp_path / "mount", groups) == 100
-    (inner / "memory.max").write_text("400\n")
-    assert cgroup_bytes_left(tmp_path / "mount", groups) == 0
+def bytes_left(folder, groups, swap, files):
+    """Return what control groups leave, of a free swap space and these files of theirs."""
+    (folder / "cgroup").write_text(groups)
+    for name, text in files.items():
+        path = folder / "mount" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"{text}\n")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("psutil.swap_memory", lambda: SimpleNamespace(free=swap))
+        return cgroup_bytes_left(folder / "mount", folder / "cgroup")
 
 
-def test_control_groups_leave_their_swap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("psutil.swap_memory", lambda: type("Swap", (), {"free": 5000}))
-    (tmp_path / "cgroup").write_text("0::/\n")
-    for name, text in (("memory.max", "1000"), ("memory.current", "700"), ("memory.swap.max", "max")):
-        (tmp_path / name).write_text(text)
-    assert cgroup_bytes_left(tmp_path, tmp_path / "cgroup") == 5300
-    (tmp_path / "memory.swap.max").write_text("50")
-    (tmp_path / "memory.swap.current").write_text("20")
-    assert cgroup_bytes_left(tmp_path, tmp_path / "cgroup") == 330
+# Linux's cgroup-v2.rst: memory.max holds for a group and all in it; cached files are given back.
+V2 = "0::/job/step\n"
+FREE = {"job/step/memory.max": "max", "job/step/memory.current": 500}
+JOB = FREE | {"job/memory.max": 1000, "job/memory.current": 700}
+CACHED = JOB | {"job/memory.stat": "anon 600\nfile 100"}
+SWAP = JOB | {"job/memory.swap.max": "max"}
+# cgroup-v1/memory.rst.  A container that does not see its own place sees its limits at the root.
+V1 = "9:cpu:/docker/1a\n4:memory:/docker/1a\n0::/\nnonsense\n"
+OLD = {"memory/memory.limit_in_bytes": 1000, "memory/memory.usage_in_bytes": 900}
 
 
-def test_control_groups_of_the_first_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # cgroup-v1/memory.rst.  A container that does not see its own place sees its limits at the root.
-    monkeypatch.setattr("psutil.swap_memory", lambda: type("Swap", (), {"free": 0}))
-    (tmp_path / "cgroup").write_text("9:cpu:/docker/1a\n4:memory:/docker/1a\n0::/\nnonsense\n")
-    root = tmp_path / "memory"
-    root.mkdir()
-    (root / "memory.limit_in_bytes").write_text("1000")
-    (root / "memory.usage_in_bytes").write_text("900")
-    (root / "memory.stat").write_text("total_cache 150\nbroken\n")
-    assert cgroup_bytes_left(tmp_path, tmp_path / "cgroup") == 100
-    (root / "memory.stat").write_text("cache 0\ntotal_cache 150\n")
-    assert cgroup_bytes_left(tmp_path, tmp_path / "cgroup") == 250
+@pytest.mark.parametrize(
+    ("groups", "swap", "files", "left"),
+    [
+        (V2, 0, {}, None),
+        (V2, 0, FREE, None),
+        (V2, 0, JOB, 300),
+        (V2, 0, CACHED, 400),
+        (V2, 0, CACHED | {"job/step/memory.max": 600}, 100),
+        (V2, 0, CACHED | {"job/step/memory.max": 400}, 0),
+        (V2, 5000, SWAP, 5300),
+        ("0::/\n", 5000, {"memory.max": 1000, "memory.current": 700, "memory.swap.max": "max"}, 5300),
+        (V2, 5000, SWAP | {"job/memory.swap.max": 50, "job/memory.swap.current": 20}, 330),
+        (V1, 0, OLD | {"memory/memory.stat": "total_cache 150\nbroken"}, 100),
+        (V1, 0, OLD | {"memory/memory.stat": "cache 0\ntotal_cache 150"}, 250),
+        (V1, 0, OLD, 100),
+    ],
+)
+def test_control_groups_leave_the_least_of_what_each_does(tmp_path, groups, swap, files, left):
+    assert bytes_left(tmp_path, groups, swap, files) == left
     assert cgroup_bytes_left(tmp_path, tmp_path / "nowhere") is None
 
 
-def test_this_machine_has_limits_above_nothing() -> None:
+def test_this_machine_has_limits_above_nothing():
     found = list(memory_budget.memory_limits())
     assert found[0].source == "free on this machine"
     assert all(limit.bytes > 0 for limit in found)
@@ -232,7 +209,7 @@ print(new, after[new])
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a limit on the address space is Linux's to keep")
-def test_a_limit_on_the_address_space_counts() -> None:
+def test_a_limit_on_the_address_space_counts():
     done = subprocess.run([sys.executable, "-c", _LIMITED], capture_output=True, text=True, check=True, timeout=120)
     assert done.stdout.startswith("left of the limit on this process's address space (ulimit -v) ")
     assert int(done.stdout.split()[-1]) == pytest.approx(3e9, rel=0.05)
@@ -286,9 +263,7 @@ objects:
         ("photograph", 0, 0, "", "", ""),
     ],
 )
-def test_estimates_are_within_a_quarter_of_what_is_taken(
-    name: str, width: int, height: int, aovs: str, denoise: str, keeps: str, tmp_path: Path
-) -> None:
+def test_estimates_are_within_a_quarter_of_what_is_taken(name, width, height, aovs, denoise, keeps, tmp_path):
     need_files_of(name)
     if denoise:
         pytest.importorskip("pyoidn")

@@ -4,7 +4,6 @@ import json
 import math
 import shlex
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +11,13 @@ import pytest
 import raytracer.rendering.render
 from raytracer.cli.base.app import main
 from raytracer.rendering.options import RenderOptions
-from raytracer.rendering.path_debug import PathTrace, trace_sample
+from raytracer.rendering.path_debug import trace_sample
 from raytracer.rendering.path_text import format_path
 from raytracer.rendering.render import render
-from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.pack.scene import pack
 from raytracer.util.errors import InputError
 from tests.hard_cases.accumulation import poisoned
-from tests.small_scenes import scene
+from tests.small_scenes import scene, scene_text
 
 ROOM = """
 camera: {type: pinhole, look_from: [0, 1, 4], look_at: [0, 0, 0], vfov: 40}
@@ -36,23 +35,29 @@ objects:
 SPP = 12
 """Samples of a pixel: a whole packet, and half of one."""
 
-
-def room(**settings: Any) -> Any:
-    return scene(ROOM, spp=SPP, rr_depth=3, **settings)
+SETTINGS = {"spp": SPP, "rr_depth": 3, "lit": True}
 
 
-def vertices(found: PathTrace, kind: str) -> list[dict[str, Any]]:
+def traced(pixel, *given):
+    return trace_sample(scene(ROOM, **SETTINGS), pixel, *given)
+
+
+def vertices(found, kind):
     return [event for event in found.events if event["event"] == kind]
 
 
+def objects(found):
+    return [event["object"] for event in vertices(found, "surface")]
+
+
 @pytest.fixture(scope="module")
-def traces() -> list[PathTrace]:
+def traces():
     """All samples of a pixel that sees the ball under the shade, and of one that sees the floor through the glass."""
-    return [trace_sample(room(), pixel, sample) for pixel in ((8, 6), (13, 12)) for sample in range(SPP)]
+    return [traced(pixel, sample) for pixel in ((8, 6), (13, 12)) for sample in range(SPP)]
 
 
-def test_they_are_the_samples_of_the_picture(traces: list[PathTrace]) -> None:
-    picture = render(room(), threads=1).image.radiance
+def test_they_are_the_samples_of_the_picture(traces):
+    picture = render(scene(ROOM, **SETTINGS), threads=1).image.radiance
     for x, y in ((8, 6), (13, 12)):
         values = np.array([found.value for found in traces if found.pixel == (x, y)])
         # The same sums in the same order: of each packet, and of the one after it.
@@ -61,10 +66,9 @@ def test_they_are_the_samples_of_the_picture(traces: list[PathTrace]) -> None:
     assert len({found.value for found in traces}) > SPP
 
 
-def test_what_is_gathered_adds_up(traces: list[PathTrace]) -> None:
+def test_what_is_gathered_adds_up(traces):
     for found in traces:
-        total = np.zeros(3)
-        throughput = np.ones(3)
+        total, throughput = np.zeros(3), np.ones(3)
         for event in found.events:
             if event["event"] == "emits":
                 total += event["mis_weight"] * throughput * event["emitted"]
@@ -83,7 +87,7 @@ def test_what_is_gathered_adds_up(traces: list[PathTrace]) -> None:
         assert found.first_non_finite is None
 
 
-def test_rays_start_where_the_path_was_and_end_where_it_goes_on(traces: list[PathTrace]) -> None:
+def test_rays_start_where_the_path_was_and_end_where_it_goes_on(traces):
     for found in traces:
         (start,) = vertices(found, "camera")
         assert start["origin"] == [0.0, 1.0, 4.0]
@@ -101,56 +105,40 @@ def test_rays_start_where_the_path_was_and_end_where_it_goes_on(traces: list[Pat
                 assert math.isclose(math.hypot(*direction), 1.0, rel_tol=1e-12)
 
 
-def test_objects_and_materials_have_their_names(traces: list[PathTrace]) -> None:
-    met = {
-        (event["object"], event["material"], event["shown"]) for found in traces for event in vertices(found, "surface")
-    }
-    assert {("ball", "clay", "lambertian"), ("floor", "clay", "lambertian")} <= met
-    assert ("glass", "objects[2].material", "dielectric") in met
-    through = [
-        found for found in traces if [event["object"] for event in vertices(found, "surface")][:2] == ["glass"] * 2
-    ]
+def test_objects_materials_and_what_is_in_the_way_of_light_have_their_names(traces):
+    met = [vertex for found in traces for vertex in vertices(found, "surface")]
+    names = {(vertex["object"], vertex["material"], vertex["shown"]) for vertex in met}
+    expected = {("ball", "clay", "lambertian"), ("floor", "clay", "lambertian")}
+    assert names >= {*expected, ("glass", "objects[2].material", "dielectric")}
     # In by the front, and against the inside.
+    through = [vertices(found, "surface") for found in traces if objects(found)[:2] == ["glass"] * 2]
     assert through
-    assert all([event["side"] for event in vertices(found, "surface")][:2] == ["front", "back"] for found in through)
-
-
-def test_what_is_in_the_way_of_light_is_named(traces: list[PathTrace]) -> None:
-    blocks = [event for found in traces for event in vertices(found, "blocked")]
-    assert {"shade", "ball"} & {event["object"] for event in blocks}
+    assert all([vertex["side"] for vertex in met[:2]] == ["front", "back"] for met in through)
+    assert {"shade", "ball"} & {event["object"] for found in traces for event in vertices(found, "blocked")}
     for found in traces:
         aimed = None
         for event in found.events:
             if event["event"] == "aims":
                 aimed = event
             elif event["event"] == "arrives":
-                assert aimed is not None
                 assert event["brings"] == aimed["brings"]
             elif event["event"] == "blocked":
-                assert aimed is not None
                 assert 0.0 < event["distance"] < aimed["distance"]
 
 
-def test_without_a_sample_it_is_the_brightest(traces: list[PathTrace]) -> None:
+def test_which_sample_is_traced(traces):
+    # Without a number, the brightest.
     seen = [found for found in traces if found.pixel == (8, 6)]
-    brightest = max(seen, key=lambda found: sum(found.value))
-    assert trace_sample(room(), (8, 6)).sample == brightest.sample
-
-
-def test_a_sample_beyond_the_last_one_is_what_more_would_bring() -> None:
-    longer = trace_sample(room(), (8, 6), 13, RenderOptions(spp=16))
-    assert trace_sample(room(), (8, 6), 13).value == longer.value
-    # Another seed is another sample.
-    assert trace_sample(room(), (8, 6), 13, RenderOptions(seed=9)).value != longer.value
-
-
-def test_a_pixel_outside_is_refused() -> None:
+    assert traced((8, 6)).sample == max(seen, key=lambda found: sum(found.value)).sample
+    # One beyond the last is what more would bring; that of another seed is another.
+    assert traced((8, 6), 13).value == traced((8, 6), 13, RenderOptions(spp=16)).value
+    assert traced((8, 6), 13).value != traced((8, 6), 13, RenderOptions(seed=9)).value
     for pixel in ((16, 0), (0, 16), (-1, 3)):
         with pytest.raises(InputError, match=r"must lie within the film, from 0,0 to 15,15"):
-            trace_sample(room(), pixel, 0)
+            traced(pixel, 0)
 
 
-def test_what_a_clamp_leaves_is_what_a_sample_adds(traces: list[PathTrace]) -> None:
+def test_what_a_clamp_leaves_is_what_a_sample_adds(traces):
     # As if a clamp had left a half of it.
     found = traces[0]
     last = {**found.events[-1], "value": [0.5 * value for value in found.value]}
@@ -160,75 +148,60 @@ def test_what_a_clamp_leaves_is_what_a_sample_adds(traces: list[PathTrace]) -> N
     assert "clamp" not in format_path(found)
 
 
-def test_rays_are_counted_of_the_path_and_not_of_its_packet(traces: list[PathTrace]) -> None:
-    for found in traces:
-        count = len(vertices(found, "surface")) + len(vertices(found, "leaves"))
-        assert f": {count} ray{'s' * (count > 1)} long, " in format_path(found)
-    # Some paths of a packet are longer than others.
-    assert any(found.events[-1]["round"] > found.events[-2]["round"] for found in traces)
-
-
-def test_text_tells_the_vertices_in_order(traces: list[PathTrace]) -> None:
+def test_text_counts_the_rays_and_tells_the_vertices_in_order(traces):
     for found in traces:
         told = format_path(found)
         x, y = found.pixel
         assert told.startswith(f"pixel {x},{y} sample {found.sample}: ")
-        names = [event["object"] for event in vertices(found, "surface")]
-        places = [told.index(f"ray {number} meets {name} ") for number, name in enumerate(names, 1)]
+        places = [told.index(f"ray {number} meets {name} ") for number, name in enumerate(objects(found), 1)]
         assert places == sorted(places)
         assert "nan" not in told
+        # Of the path and not of its packet.
+        count = len(places) + len(vertices(found, "leaves"))
+        assert f": {count} ray{'s' * (count > 1)} long, " in told
+    # Some paths of a packet are longer than others.
+    assert any(found.events[-1]["round"] > found.events[-2]["round"] for found in traces)
 
 
 @pytest.fixture
-def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def file(tmp_path, monkeypatch):
     """The room as a file, with a clay that is not a number."""
+
+    def pack_poisoned(spec, **settings):
+        return poisoned(pack(spec, **settings), "lambertian")
+
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(raytracer.rendering.render, "pack", _poisoned)
-    monkeypatch.setattr(raytracer.rendering.path_debug, "pack", _poisoned)
-    Path("my room.yaml").write_text(scene_text())
+    monkeypatch.setattr(raytracer.rendering.render, "pack", pack_poisoned)
+    monkeypatch.setattr(raytracer.rendering.path_debug, "pack", pack_poisoned)
+    # Specks such as nobody warns of.
+    text = scene_text(ROOM, **SETTINGS).replace("1.0e-9", "0.1").replace("1.0e-30", "1")
+    Path("my room.yaml").write_text(text)
     return "my room.yaml"
 
 
-def _poisoned(spec: Any, **settings: Any) -> PackedScene:
-    return poisoned(pack(spec, **settings), "lambertian")
-
-
-def scene_text() -> str:
-    """As a file what `scene` makes of the room."""
-    from tests.small_scenes import _HEAD, _SPECKS
-
-    head = _HEAD.format(width=16, height=16, spp=SPP, max_depth=50, rr_depth=3, sampler="independent", accuracy="exact")
-    # Such as nobody warns of.
-    return head + ROOM.rstrip() + _SPECKS.replace("1.0e-9", "0.1").replace("radiance: 0", "radiance: 1")
-
-
-def test_what_is_not_finite_is_reported_as_a_command_that_shows_it(
-    file: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_not_finite_is_reported_as_a_command_that_shows_it(file, capsys):
     words = ["render", file, "-D", "render.seed=4", "--spp", "10", "-q", "-o", "a.npy", "--crop", "2,3,16,16"]
     assert main([*words, "--stats", "a.json", "--threads", "2"]) == 0
     stats = json.loads(Path("a.json").read_text())
-    first = stats["first_nan"]
-    (x, y), sample = first["pixel"], first["sample"]
-    err = capsys.readouterr().err
-    told, _, command = err.strip().partition("; this shows the first one: ")
+    (x, y), sample = stats["first_nan"]["pixel"], stats["first_nan"]["sample"]
+    told, _, command = capsys.readouterr().err.strip().partition("; this shows the first one: ")
     assert told == f"rt: {stats['nan_samples']} samples were not finite and were dropped"
     assert command == (f"rt render 'my room.yaml' -D render.seed=4 --spp 10 --pixel {x},{y} --sample {sample} --debug")
     assert np.isfinite(np.load("a.npy")).all()
     # That command shows a path which is not finite, and none before it in the row is.
-    assert main(shlex.split(command)[1:]) == 0
+    again = shlex.split(command)[1:]
+    assert main(again) == 0
     out = capsys.readouterr().out
     assert out.startswith(f"pixel {x},{y} sample {sample}: ")
     assert "which is not finite, so it was dropped" in out
     assert out.count("^ not finite from here on: ") == 1
-    assert main([*shlex.split(command)[1:], "--json"]) == 0
+    assert main([*again, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    bad = found["events"][found["first_not_finite"]]
     # The albedo is where it begins.
-    assert bad["event"] in {"aims", "scatters"}
+    assert found["events"][found["first_not_finite"]]["event"] in {"aims", "scatters"}
     assert "nan" in found["value"]
     assert all(not event["not_finite"] for event in found["events"][: found["first_not_finite"]])
-    assert main([*shlex.split(command)[1:-3], "--debug"]) == 0
+    assert main([*again[:-3], "--debug"]) == 0
     assert f"sample {sample}: " in capsys.readouterr().out
     # Under --strict it is a failure.
     assert main([*words, "--strict"]) == 1
@@ -247,6 +220,6 @@ def test_what_is_not_finite_is_reported_as_a_command_that_shows_it(
         ("--pixel 3,99 --debug", "pixel 3,99 must lie within the film, from 0,0 to 15,15"),
     ],
 )
-def test_options_that_make_no_sense(options: str, sentence: str, file: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_options_that_make_no_sense(options, sentence, file, capsys):
     assert main(["render", file, *options.split()]) == 2
     assert capsys.readouterr() == ("", f"rt: {sentence}\n")

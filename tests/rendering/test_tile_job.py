@@ -1,9 +1,8 @@
 """Samples that are taken elsewhere: the picture is the same to the last bit, in whatever order they come back."""
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,15 +15,12 @@ from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.rendering import tile_scheduler
 from raytracer.rendering.compilation import compile_scene
 from raytracer.rendering.film_region import empty_film, film_view
-from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.render import render, render_image
 from raytracer.rendering.tile_job import TileJob, TileResult, extract_tiles, film_arrays, run_tile_job, split_by_tile
 from raytracer.rendering.tile_scheduler import TileQueue, split_into_tiles
 from raytracer.rendering.worker_pool import WorkerPool
-from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import OutputError
-from tests.rendering.test_adaptive_sampling import HALVES
-from tests.small_scenes import scene
+from tests.rendering.halves import HEIGHT, SPP, WIDTH, assert_same, halves
 
 
 class LocalExecutor:
@@ -36,22 +32,16 @@ class LocalExecutor:
     threads = 3
     workers: Sequence[str] = ("one",)
 
-    def __init__(self, ahead: int = 1, error: BaseException | None = None, after: int = 5) -> None:
+    def __init__(self, ahead=1, error=None, after=5):
         self.ahead, self.error, self.left = ahead, error, after
         self.jobs: list[TileJob] = []
 
-    def connect(self, spec: SceneSpec, options: RenderOptions, warn: object) -> "LocalExecutor":
+    def connect(self, spec, options, warn):
         self.prepared = compile_scene(spec)
         return self
 
-    def run(
-        self,
-        next_job: Callable[[], TileJob | None],
-        merge: Callable[[TileJob, TileResult], object],
-        pool: WorkerPool,
-        deadline: float | None,
-    ) -> None:
-        out: deque[TileJob] = deque()
+    def run(self, next_job, merge, pool, deadline):
+        out = deque()
         while not pool.is_stopped:
             while len(out) < self.ahead and (job := next_job()) is not None:
                 out.append(job)
@@ -65,79 +55,53 @@ class LocalExecutor:
             merge(job, self.take(job))
             pool.tick()
 
-    def take(self, job: TileJob) -> TileResult:
+    def take(self, job):
         size = tile_scheduler.TILE_SIZE
         target = film_view(empty_film(self.prepared.scene, size, size))
         return run_tile_job(self.prepared.scene, target, workspace(self.prepared.scene), job)
 
 
-def halves(**settings: Any) -> SceneSpec:
-    # Tiles of unequal size, and a last packet that is not whole.
-    return scene(HALVES, **{"width": 44, "height": 36, "spp": 37, "max_depth": 4, **settings})
-
-
-@pytest.mark.parametrize("ahead", [1, 4])
-def test_bits_do_not_depend_on_where_samples_are_taken(ahead: int) -> None:
-    here = render(halves(), threads=2)
+@pytest.mark.parametrize(
+    ("ahead", "keys"),
+    [(1, {}), (4, {}), (2, {"crop": (5, 3, 40, 30)}), (3, {"spp": 2048, "noise": 0.02})],
+    ids=["one by one", "ahead", "crop", "adaptive"],
+)
+def test_bits_do_not_depend_on_where_samples_are_taken(ahead, keys):
     executor = LocalExecutor(ahead)
-    far = render(halves(), cluster=executor)
-    assert len(executor.jobs) > 8
+    here, far = render(halves(), threads=2, **keys), render(halves(), cluster=executor, **keys)
+    assert len(executor.jobs) > 4
     assert far.complete
-    np.testing.assert_array_equal(far.image.radiance, here.image.radiance)
-    assert far.image.variance is not None
-    assert here.image.variance is not None
-    np.testing.assert_array_equal(far.image.variance, here.image.variance)
-    assert far.stats.error == here.stats.error
-    assert far.stats.rays == here.stats.rays
+    assert_same(far, here)
     assert (far.stats.threads, far.stats.workers) == (3, ["one"])
+    is_adaptive = "noise" in keys
+    assert any(job.mean_only for job in executor.jobs) == is_adaptive == (far.stats.pilot_samples > 0)
 
 
-def test_bits_do_not_depend_on_it_in_adaptive_sampling() -> None:
-    here = render(halves(spp=2048), noise=0.02, threads=2)
-    executor = LocalExecutor(ahead=3)
-    far = render(halves(spp=2048), noise=0.02, cluster=executor)
-    assert any(job.mean_only for job in executor.jobs)
-    np.testing.assert_array_equal(far.image.radiance, here.image.radiance)
-    assert far.stats.error == here.stats.error
-    assert far.stats.pilot_samples == here.stats.pilot_samples > 0
-    assert far.stats.rays == here.stats.rays
-
-
-def test_a_crop_is_rendered_remotely_as_the_whole_picture_is() -> None:
-    here = render(halves(), crop=(5, 3, 40, 30), threads=2)
-    far = render(halves(), crop=(5, 3, 40, 30), cluster=LocalExecutor(2))
-    np.testing.assert_array_equal(far.image.radiance, here.image.radiance)
-
-
-def test_what_has_come_back_is_kept_when_the_cluster_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = render(halves(), cluster=LocalExecutor(error=OutputError("the cable is cut")))
-    assert found.failure == "the cable is cut"
+@pytest.mark.parametrize("error", [OutputError("the cable is cut"), KeyboardInterrupt()])
+def test_what_has_come_back_is_kept_when_the_cluster_is_lost_or_work_interrupted(error, monkeypatch):
+    found = render(halves(), cluster=LocalExecutor(error=error))
+    is_lost = isinstance(error, OutputError)
+    assert found.failure == ("the cable is cut" if is_lost else None)
+    assert found.interrupted == (not is_lost)
     assert not found.complete
-    assert not found.interrupted
-    assert 0 < found.stats.samples < 44 * 36 * 37
+    assert 0 < found.stats.samples < WIDTH * HEIGHT * SPP
     monkeypatch.setattr("raytracer.rendering.render._warn", lambda sentence: None)
-    with pytest.raises(OutputError, match="the cable is cut"):
-        render_image(halves(), cluster=LocalExecutor(error=OutputError("the cable is cut")))
-
-
-def test_an_interrupt_ends_remote_work() -> None:
-    found = render(halves(), cluster=LocalExecutor(error=KeyboardInterrupt()))
-    assert found.interrupted
-    assert found.failure is None
-    assert 0 < found.stats.samples < 44 * 36 * 37
+    if is_lost:
+        with pytest.raises(OutputError, match="the cable is cut"):
+            render_image(halves(), cluster=LocalExecutor(error=error))
 
 
 # ---- Contents of a job
 
 
-def film(seed: int = 1, height: int = 20, width: int = 24) -> FilmView:
+def film(seed=1, height=20, width=24):
     """A film with something of everything that a film may gather, from pixel (100, 50) on."""
     random = np.random.default_rng(seed)
 
-    def counts() -> Any:
+    def counts():
         return random.integers(0, 100, (height, width))
 
-    def values(channels: int) -> Any:
+    def values(channels):
         return random.normal(size=(height, width, channels))
 
     layers = Aovs(
@@ -146,7 +110,7 @@ def film(seed: int = 1, height: int = 20, width: int = 24) -> FilmView:
     return FilmView(values(3), values(3), counts(), counts(), 100, 50, layers, values(4))
 
 
-def test_a_job_takes_along_the_whole_film_state() -> None:
+def test_a_job_takes_along_the_whole_film_state():
     whole = film()
     windows = (Window(100, 50, 116, 66), Window(116, 50, 124, 66), Window(100, 66, 116, 70))
     job = TileJob((0, 1, 2), windows, (8, 8, 8), (16, 16, 16), ((), (), ()), None, extract_tiles(whole, windows))
@@ -159,7 +123,7 @@ def test_a_job_takes_along_the_whole_film_state() -> None:
             np.testing.assert_array_equal(part, array[rows, columns])
 
 
-def test_means_at_record_counts_come_back_with_their_tiles() -> None:
+def test_means_at_record_counts_come_back_with_their_tiles():
     windows = (Window(0, 0, 2, 1), Window(2, 0, 3, 2))
     job = TileJob((0, 1), windows, (0, 8), (32, 16), ((8, 16), ()), None, None, mean_only=True)
     recorded = np.arange(12.0).reshape(4, 3)
@@ -176,54 +140,44 @@ def test_means_at_record_counts_come_back_with_their_tiles() -> None:
 class Clockwork(LocalExecutor):
     """An executor that claims so many seconds for a sample of a tile, and takes no samples at all."""
 
-    def __init__(self, pace: float, threads: int) -> None:
+    def __init__(self, pace, threads):
         super().__init__(ahead=2 * threads)
         self.pace, self.threads = pace, threads
 
-    def take(self, job: TileJob) -> TileResult:
-        pixels = sum((right - left) * (bottom - top) for left, top, right, bottom in job.windows)
-        nothing = np.zeros((pixels, 3))
-        counts = np.zeros(pixels, dtype=np.int64)
-        recorded = [
-            np.zeros(((right - left) * (bottom - top) * len(record_counts), 3))
-            for (left, top, right, bottom), record_counts in zip(job.windows, job.record_counts, strict=True)
-        ]
+    def take(self, job):
+        pixels = [(right - left) * (bottom - top) for left, top, right, bottom in job.windows]
+        nothing, counts = np.zeros((sum(pixels), 3)), np.zeros(sum(pixels), dtype=np.int64)
+        recorded = sum(size * len(marks) for size, marks in zip(pixels, job.record_counts, strict=True))
         samples = np.subtract(job.ends, job.begins)
-        return TileResult((nothing, nothing, counts, counts), np.concatenate(recorded), samples, self.pace * samples)
+        return TileResult((nothing, nothing, counts, counts), np.zeros((recorded, 3)), samples, self.pace * samples)
 
 
-def make_queue(executor: LocalExecutor, width: int, height: int) -> TileQueue:
-    """A film that gathers nothing."""
-    blank = np.zeros((height, width, 3))
-    counts = np.zeros((height, width), dtype=np.int64)
+def make_queue(executor, width, height):
+    """A film that gathers nothing, after its first pass."""
+    blank, counts = np.zeros((height, width, 3)), np.zeros((height, width), dtype=np.int64)
     windows = split_into_tiles(Window(0, 0, width, height))
-    stub: Any = SimpleNamespace(sampler=None)
-    return TileQueue(
-        stub,
-        FilmView(blank, blank, counts, counts, 0, 0, None),
-        windows,
-        WorkerPool(1),
-        ErrorEstimator(windows),
-        executor,
-    )
+    film = FilmView(blank, blank, counts, counts, 0, 0, None)
+    stub = SimpleNamespace(sampler=None)
+    queue = TileQueue(stub, film, windows, WorkerPool(1), ErrorEstimator(windows), executor)
+    queue.first_pass(1000)
+    executor.jobs.clear()
+    return queue
 
 
 @pytest.mark.parametrize(
     ("pace", "threads", "width", "height"),
     [(1e-4, 1, 640, 360), (1e-4, 8, 640, 360), (1e-2, 4, 160, 90), (1, 4, 48, 32)],
 )
-def test_jobs_are_long_enough_and_the_last_ones_are_short(pace: float, threads: int, width: int, height: int) -> None:
+def test_jobs_are_long_enough_and_the_last_ones_are_short(pace, threads, width, height):
     executor = Clockwork(pace, threads)
     queue = make_queue(executor, width, height)
-    queue.first_pass(1000)
-    executor.jobs.clear()
     queue.render_passes(1000)
     assert np.all(queue.counts == 1000)
     np.testing.assert_array_equal(queue.rays, 1000)
 
     # Each tile goes on where it was, and its mean is known at every power of two.
     at = dict.fromkeys(range(len(queue.windows)), 8)
-    seen: dict[int, list[int]] = {tile: [8] for tile in at}
+    seen = {tile: [8] for tile in at}
     for job in executor.jobs:
         for tile, begin, end, record_counts in zip(job.tiles, job.begins, job.ends, job.record_counts, strict=True):
             assert begin == at[tile] < end
@@ -242,17 +196,15 @@ def test_jobs_are_long_enough_and_the_last_ones_are_short(pace: float, threads: 
     assert max(seconds[-threads:]) <= max(0.2, packet)
 
 
-def test_an_end_by_the_clock_sends_nothing_that_would_be_late(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_end_by_the_clock_sends_nothing_that_would_be_late(monkeypatch):
     time = 0.0
     monkeypatch.setattr(tile_scheduler, "now", lambda: time)
     executor = Clockwork(0.01, 2)
     executor.ahead = 1
     queue = make_queue(executor, 160, 90)
-    queue.first_pass(8)
-    executor.jobs.clear()
     take_all = executor.take
 
-    def slowly(job: TileJob) -> TileResult:
+    def slowly(job):
         nonlocal time
         result = take_all(job)
         time += float(result.seconds.sum()) / executor.threads

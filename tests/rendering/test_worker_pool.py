@@ -6,33 +6,30 @@ import time
 
 import pytest
 
-from raytracer.kernel.path_state import Workspace
 from raytracer.rendering.worker_pool import WorkerPool
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.01, 0.05, 0.2])
-def test_an_interrupt_waits_for_the_items_in_work(delay: float) -> None:
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.2])
+def test_an_interrupt_waits_for_the_items_in_work(delay):
     # Whoever goes on frees what kernels read: Embree's structure, for one.
-    pool, begun, done = WorkerPool(2), [], []
-    first = threading.Event()
+    pool, begun, done, first = WorkerPool(2), [], [], threading.Event()
 
-    def work(_: Workspace, item: int) -> None:
+    def work(_, item):
         begun.append(item)
         first.set()
         time.sleep(0.4)
         done.append(item)
 
-    def interrupt() -> None:
+    def interrupt():
         first.wait()
         time.sleep(delay)
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
     interrupter = threading.Thread(target=interrupt)
     interrupter.start()
     pool.run(range(100), work)
     assert pool.interrupted
     assert sorted(done) == sorted(begun)
-    assert 1 <= len(done) <= 2
     interrupter.join()
     pool.run(range(100), work)
-    assert len(done) <= 2
+    assert 1 <= len(done) <= 2

@@ -19,13 +19,13 @@ X = np.array([0.0, 1.0, np.nan, 3.0, 4.0])
 CHART = Chart("c", "title", "x (mm)", "y (um)", (Series("a", X, 2.0 * X), Series("b", X, -X)), (0.0, 4.0), (-4.0, 8.0))
 
 
-def curve(drawn: Any, number: int) -> ET.Element:
+def curve(drawn, number):
     """The curve of a number in a chart's picture."""
     groups = ET.fromstring(str(drawn.picture)).iter(f"{SVG}g")
     return next(node for node in groups if node.get("id") == f"c-{series_id(number)}")
 
 
-def test_lines_are_where_their_points_are() -> None:
+def test_lines_are_where_their_points_are():
     drawn = render(CHART)
     (path,) = curve(drawn, 0).iter(f"{SVG}path")
     pieces = [piece.replace("L", " ").split() for piece in path.get("d", "").split("M")[1:]]
@@ -38,7 +38,7 @@ def test_lines_are_where_their_points_are() -> None:
     np.testing.assert_allclose(flat[:, 1], bottom + (top - bottom) * (2.0 * given + 4.0) / 12.0, atol=0.06)
 
 
-def test_one_series_needs_no_legend_and_many_may_share_entries() -> None:
+def test_one_series_needs_no_legend_and_many_may_share_entries():
     assert CHART.legend() == (LegendEntry("a"), LegendEntry("b"))
     lines = tuple(Series(f"{n} {plane}", X, n * X, "#0072b2") for n in range(4) for plane in "TS")
     assert Chart("c", "", "", "", lines[:1]).legend() == ()
@@ -46,11 +46,11 @@ def test_one_series_needs_no_legend_and_many_may_share_entries() -> None:
     assert Chart("c", "", "", "", lines, entries=entries).legend() == entries
 
 
-def test_the_same_chart_is_the_same_picture() -> None:
+def test_the_same_chart_is_the_same_picture():
     assert render(CHART).picture == render(CHART).picture
 
 
-def show(open_page: Open, folder: Path, data: dict[str, Any], picture: Any, **settings: Any) -> Any:
+def show(open_page, folder, data, picture, **settings):
     file = folder / "chart.html"
     file.write_bytes(html.page("chart_test", "chart", {"charts": {"c": data}}, parts=("chart",)))
     text = file.read_text(encoding="utf-8")
@@ -59,7 +59,7 @@ def show(open_page: Open, folder: Path, data: dict[str, Any], picture: Any, **se
     return open_page(file, **settings)
 
 
-def point_at(page: Any, data: dict[str, Any], x: float, y: float) -> list[str]:
+def point_at(page, data, x, y):
     """Move the pointer to a place of the chart, given in parts of its axes; returns what is said."""
     left, right, bottom, top = data["box"]
     page.locator("figure > svg").scroll_into_view_if_needed()
@@ -76,7 +76,7 @@ def point_at(page: Any, data: dict[str, Any], x: float, y: float) -> list[str]:
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (400, 700)])
-def test_a_line_tells_its_numbers_under_the_pointer(open_page: Open, tmp_path: Path, size: tuple[int, int]) -> None:
+def test_a_line_tells_its_numbers_under_the_pointer(open_page, tmp_path, size):
     drawn = render(CHART)
     page = show(open_page, tmp_path, drawn.data, drawn.picture, size=size)
     # Between its points the line is told too: a at x = 0.5 has y = 1.
@@ -99,7 +99,7 @@ def test_a_line_tells_its_numbers_under_the_pointer(open_page: Open, tmp_path: P
     assert point_at(page, drawn.data, -0.05, 0.5) == []
 
 
-def test_logarithmic_axes_tell_their_numbers(open_page: Open, tmp_path: Path) -> None:
+def test_logarithmic_axes_tell_their_numbers(open_page, tmp_path):
     x = np.array([1.0, 100.0])
     with style(IN_PAGE):
         axes = new_figure(4.0, 3.0, "constrained").add_subplot()
@@ -113,7 +113,7 @@ def test_logarithmic_axes_tell_their_numbers(open_page: Open, tmp_path: Path) ->
     assert point_at(page, drawn.data, 0.5, 0.5) == ["fit", "time (s): 10", "error (%): 1"]
 
 
-def test_a_chart_is_saved_as_it_is_seen(open_page: Open, tmp_path: Path) -> None:
+def test_a_chart_is_saved_as_it_is_seen(open_page, tmp_path):
     drawn = render(CHART)
     page = show(open_page, tmp_path, drawn.data, drawn.picture, color_scheme="dark")
     with page.expect_download() as waiting:

@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,11 @@ RED, BLUE = (200, 30, 10), (10, 40, 220)
 WIDTH, HEIGHT = 40, 24
 
 
-def plain(color: tuple[int, int, int], width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
+def plain(color, width=WIDTH, height=HEIGHT):
     return np.full((height, width, 3), color, dtype=np.uint8)
 
 
-def wiping(open_page: Open, folder: Path, left: str, right: str | None, **settings: Any) -> Any:
+def wiping(open_page, folder, left, right, **settings):
     file = folder / "wipe.html"
     file.write_bytes(html.page("wipe", "wipe", {"left": left, "right": right}))
     page = open_page(file, **settings)
@@ -36,23 +35,23 @@ def wiping(open_page: Open, folder: Path, left: str, right: str | None, **settin
     return page
 
 
-def screen(page: Any) -> np.ndarray:
+def screen(page):
     """Capture the visible part of the pictures."""
     return np.asarray(PIL.Image.open(io.BytesIO(page.locator(".wipe-view").screenshot())).convert("RGB"))
 
 
-def where_red(page: Any) -> float:
+def where_red(page):
     """Measure the part of the view's last rows, where nothing else is drawn, that is the left picture."""
     row = screen(page)[-3]
     return float(np.mean(np.all(row == RED, axis=-1)))
 
 
 @pytest.fixture
-def page(open_page: Open, tmp_path: Path) -> Any:
+def page(open_page, tmp_path):
     return wiping(open_page, tmp_path, html.png(plain(RED)), html.png(plain(BLUE)))
 
 
-def test_the_divider_is_dragged(page: Any) -> None:
+def test_the_divider_is_dragged(page):
     assert where_red(page) == pytest.approx(0.5, abs=0.01)
     box, grip = page.locator(".wipe-view").bounding_box(), page.locator(".wipe-divider").bounding_box()
     x, y = grip["x"] + grip["width"] / 2, grip["y"] + grip["height"] / 2
@@ -75,7 +74,7 @@ def test_the_divider_is_dragged(page: Any) -> None:
     assert page.evaluate("wipe.position") == 1.0
 
 
-def test_keys_move_the_divider(page: Any) -> None:
+def test_keys_move_the_divider_and_the_pixel_under_the_pointer_is_told(page):
     divider = page.get_by_role("slider", name="divider")
     divider.focus()
     page.keyboard.press("ArrowLeft")
@@ -86,9 +85,13 @@ def test_keys_move_the_divider(page: Any) -> None:
     assert where_red(page) < 0.01
     page.keyboard.press("End")
     assert where_red(page) > 0.98
+    box = page.locator(".wipe-view").bounding_box()
+    page.mouse.move(box["x"] + (3 + 0.5) / WIDTH * box["width"], box["y"] + (20 + 0.5) / HEIGHT * box["height"])
+    said = page.locator(".wipe-bar output").inner_text()
+    assert said == "x 3, y 20 · before 200 30 10 · after 10 40 220"
 
 
-def test_a_finger_moves_the_divider(open_page: Open, tmp_path: Path) -> None:
+def test_a_finger_moves_the_divider(open_page, tmp_path):
     page = wiping(open_page, tmp_path, html.png(plain(RED)), html.png(plain(BLUE)), has_touch=True, size=(400, 700))
     box = page.locator(".wipe-view").bounding_box()
     page.touchscreen.tap(box["x"] + 0.3 * box["width"], box["y"] + box["height"] - 30)
@@ -96,9 +99,7 @@ def test_a_finger_moves_the_divider(open_page: Open, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("device_scale_factor", [1, 2])
-def test_zoomed_a_pixel_is_so_many_pixels_of_the_screen(
-    open_page: Open, tmp_path: Path, device_scale_factor: int
-) -> None:
+def test_zoomed_a_pixel_is_so_many_pixels_of_the_screen(open_page, tmp_path, device_scale_factor):
     noise = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
     page = wiping(open_page, tmp_path, html.png(noise), None, device_scale_factor=device_scale_factor)
     page.evaluate("wipe.show(data.left)")
@@ -111,7 +112,7 @@ def test_zoomed_a_pixel_is_so_many_pixels_of_the_screen(
     assert screen(page).shape[0] > 8 * HEIGHT
 
 
-def test_what_is_larger_than_the_page_is_pulled(open_page: Open, tmp_path: Path) -> None:
+def test_what_is_larger_than_the_page_is_pulled(open_page, tmp_path):
     left, right = plain(RED, 800, 600), plain(BLUE, 800, 600)
     left[300, 400] = right[300, 400] = 255
     page = wiping(open_page, tmp_path, html.png(left), html.png(right), size=(600, 500))
@@ -135,14 +136,7 @@ def test_what_is_larger_than_the_page_is_pulled(open_page: Open, tmp_path: Path)
     assert np.mean(np.all(row == RED, axis=-1)) == pytest.approx(0.5, abs=0.03)
 
 
-def test_the_pixel_under_the_pointer_is_told(page: Any) -> None:
-    box = page.locator(".wipe-view").bounding_box()
-    page.mouse.move(box["x"] + (3 + 0.5) / WIDTH * box["width"], box["y"] + (20 + 0.5) / HEIGHT * box["height"])
-    said = page.locator(".wipe-bar output").inner_text()
-    assert said == "x 3, y 20 · before 200 30 10 · after 10 40 220"
-
-
-def test_the_picture_asked_for_last_is_shown(page: Any) -> None:
+def test_the_picture_asked_for_last_is_shown(page):
     """A large picture takes longer to decode than a small one that is asked for after it."""
     large = html.png(np.random.default_rng(1).integers(0, 256, (600, 800, 3), dtype=np.uint8))
     page.evaluate(

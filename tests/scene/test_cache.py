@@ -3,14 +3,11 @@
 import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from raytracer.core.geometry import Geometry, Primitive, pad_buffer
-from raytracer.film.image import Image
 from raytracer.rendering import statistics
 from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.render import prepare_scene, render, render_prepared
@@ -18,13 +15,14 @@ from raytracer.rendering.statistics import PhaseTimer
 from raytracer.scene import cache as cache_module
 from raytracer.scene.assets import LOADERS
 from raytracer.scene.cache import RenderCache, is_identical
-from raytracer.scene.load import build, load
+from raytracer.scene.load import load
 from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.pack.scene import pack
 from raytracer.scene.scene_assets import AccelInput
-from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 from tests.repository import ROOT
+from tests.scene.assets.test_meshes import ply_text
+from tests.scene.gltf_files import CORNERS, write_gltf
 from tests.small_scenes import scene
 
 # Something of each that packing keeps: textures, media, solids that overlap, a moving object, instances, a sky, files.
@@ -55,26 +53,9 @@ objects:
 lights: [{type: point, position: [0, 5, 0], intensity: 3}]
 """
 
-_PLY = """ply
-format ascii 1.0
-element vertex 4
-property float x
-property float y
-property float z
-element face 2
-property list uchar int vertex_indices
-end_header
-0 0 0
-1 0 0
-1 {height} 0
-0 {height} 0
-3 0 1 2
-3 0 2 3
-"""
-
 
 @pytest.fixture
-def rich(tmp_path: Path) -> Path:
+def rich(tmp_path):
     """A scene with files."""
     import PIL.Image
 
@@ -85,16 +66,16 @@ def rich(tmp_path: Path) -> Path:
     return tmp_path / "rich.yaml"
 
 
-def _write_mesh(path: Path, height: float) -> None:
-    path.write_text(_PLY.format(height=height))
+def _write_mesh(path, height):
+    path.write_bytes(ply_text([(0, 1, 2), (0, 2, 3)], [(0, 0, 0), (1, 0, 0), (1, height, 0), (0, height, 0)]))
 
 
-def _alone(spec: SceneSpec) -> Any:
+def _alone(spec):
     return pack(spec)._replace(built=None)
 
 
 # Overrides that leave the world as it is, and those that do not.
-_SEEN_OTHERWISE: list[dict[str, Any]] = [
+_SEEN_OTHERWISE = [
     {"camera.aperture": "5 mm"},
     {"camera.aperture": 0},
     {"camera.focus_distance": 2},
@@ -108,7 +89,7 @@ _SEEN_OTHERWISE: list[dict[str, Any]] = [
     {"render.accuracy": "fast"},
     {"render.clamp": 5},
 ]
-_ANOTHER_WORLD: list[dict[str, Any]] = [
+_ANOTHER_WORLD = [
     {"camera.look_from": [0.0, 0.6, 1.0]},
     {"camera.look_from": [3.0e6, 0.0, 0.0], "camera.look_at": [0.0, 0.0, 0.0]},
     {"camera.shutter": {"open": 0.0, "close": 0.0}},
@@ -119,7 +100,7 @@ _ANOTHER_WORLD: list[dict[str, Any]] = [
 ]
 
 
-def test_what_is_packed_from_a_cache_is_what_is_packed_anew(rich: Path) -> None:
+def test_what_is_packed_from_a_cache_is_what_is_packed_anew(rich):
     cache, spec = RenderCache(), load(rich)
     every = [*_SEEN_OTHERWISE, *_ANOTHER_WORLD, *_SEEN_OTHERWISE[:2]]
     for overrides in every:
@@ -129,43 +110,39 @@ def test_what_is_packed_from_a_cache_is_what_is_packed_anew(rich: Path) -> None:
     assert cache.counts.worlds_packed == 1 + len(_ANOTHER_WORLD)
 
 
-def test_settings_that_a_scene_did_not_set_are_told_from_those_it_did() -> None:
-    one, other = (
-        build(
-            "camera: {type: pinhole, vfov: 40, look_from: [0, 0, 1], look_at: [0, 0, 0]}\nfilm: {width: 8, height: 8}\n"
-            f"objects: [{{type: sphere, center: [0, 0, {zero}], radius: 1{name}}}]\n",
-            "test.yaml",
-        ).objects
-        for zero, name in (("0.0", ""), ("0.0", ", name: null"))
-    )
+def test_settings_that_a_scene_did_not_set_are_told_from_those_it_did():
+    ball = "camera: {type: pinhole}\nobjects: [{type: sphere, center: [0, 0, 0.0], radius: 1}]"
+    one, other = (scene(text, filled=False).objects for text in (ball, ball.replace("1}", "1, name: null}")))
     assert not is_identical(one, other)
     assert is_identical(one, one[:1])
 
 
-@pytest.mark.parametrize(
-    ("one", "other", "alike"),
-    [
-        (0.0, -0.0, False),
-        (1, 1.0, False),
-        ((1.0, 2.0), (1.0, 2.0), True),
-        ((1.0, 2.0), (1.0, 2.0, 3.0), False),
-        ({"a": 1, "b": 2}, {"a": 1, "b": 2}, True),
-        ({"a": 1, "b": 2}, {"b": 2, "a": 1}, False),
-        (np.array([np.nan, 0.0]), np.array([np.nan, 0.0]), True),
-        (np.array([0.0]), np.array([-0.0]), False),
-        (np.zeros(2, np.float32), np.zeros(2), False),
-        (np.zeros((2, 1)), np.zeros((1, 2)), False),
-        (np.array([True, False]), np.array([True, True]), False),
-    ],
-)
-def test_the_same_is_the_same_to_the_last_bit(one: Any, other: Any, alike: bool) -> None:
-    assert is_identical(one, other) is alike
+ALIKE = [
+    ((1.0, 2.0), (1.0, 2.0)),
+    ({"a": 1, "b": 2}, {"a": 1, "b": 2}),
+    (np.array([np.nan, 0.0]), np.array([np.nan, 0.0])),
+]
+UNLIKE = [
+    (0.0, -0.0),
+    (1, 1.0),
+    ((1.0, 2.0), (1.0, 2.0, 3.0)),
+    ({"a": 1, "b": 2}, {"b": 2, "a": 1}),
+    (np.array([0.0]), np.array([-0.0])),
+    (np.zeros(2, np.float32), np.zeros(2)),
+    (np.zeros((2, 1)), np.zeros((1, 2))),
+    (np.array([True, False]), np.array([True, True])),
+]
+
+
+def test_the_same_is_the_same_to_the_last_bit():
+    assert all(is_identical(one, other) for one, other in ALIKE)
+    assert not any(is_identical(one, other) for one, other in UNLIKE)
 
 
 # ---- Files
 
 
-def test_a_file_is_read_once_until_it_changes(tmp_path: Path) -> None:
+def test_a_file_is_read_once_until_it_changes(tmp_path):
     cache, path = RenderCache(), tmp_path / "mesh.ply"
     _write_mesh(path, 1.0)
     first = cache.read("mesh", path)
@@ -189,7 +166,7 @@ def test_a_file_is_read_once_until_it_changes(tmp_path: Path) -> None:
         cache.read("mesh", path)
 
 
-def test_a_changed_file_is_another_world(rich: Path) -> None:
+def test_a_changed_file_is_another_world(rich):
     cache, spec = RenderCache(), load(rich)
     before = pack(spec, provider=cache)
     _write_mesh(rich.parent / "mesh.ply", 0.5)
@@ -201,39 +178,32 @@ def test_a_changed_file_is_another_world(rich: Path) -> None:
         pack(spec, provider=cache)
 
 
-def test_a_mesh_is_read_again_when_a_file_that_it_names_changes(tmp_path: Path) -> None:
+def test_a_mesh_is_read_again_when_a_file_that_it_names_changes(tmp_path):
     cache, path = RenderCache(), tmp_path / "triangle.gltf"
-    buffer = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-    path.write_text(
-        '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],'
-        '"meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],'
-        '"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",'
-        '"min": [0, 0, 0], "max": [2, 2, 2]}],'
-        '"bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"uri": "points.bin", "byteLength": 36}]}'
-    )
-    (tmp_path / "points.bin").write_bytes(buffer.tobytes())
+    write_gltf(path, buffers=[{"uri": "points.bin", "byteLength": 36}])
+    (tmp_path / "points.bin").write_bytes(CORNERS.tobytes())
     assert cache.read("mesh", path).vertices.max() == 1.0
     assert cache.read("mesh", path).vertices.max() == 1.0
     assert cache.counts.files_read == 1
-    (tmp_path / "points.bin").write_bytes((2 * buffer).tobytes())
+    (tmp_path / "points.bin").write_bytes((2 * CORNERS).tobytes())
     os.utime(tmp_path / "points.bin", ns=(1, 1))
     assert cache.read("mesh", path).vertices.max() == 2.0
 
 
-def test_many_threads_read_a_file_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_threads_read_a_file_once(tmp_path, monkeypatch):
     together, count = threading.Barrier(4), 4
-    read: list[Path] = []
+    read = []
     path = tmp_path / "a.npy"
     path.write_bytes(b"")
 
-    def load(path: Path) -> object:
+    def load(path):
         read.append(path)
         return object()
 
     monkeypatch.setattr(cache_module, "LOADERS", {**LOADERS, "grid": load})
     cache = RenderCache()
 
-    def work(_: int) -> Any:
+    def work(_):
         together.wait()
         return cache.read("grid", path)
 
@@ -245,16 +215,16 @@ def test_many_threads_read_a_file_once(tmp_path: Path, monkeypatch: pytest.Monke
 # ---- Structures
 
 
-def _triangle(size: float) -> dict[int, Geometry]:
+def _triangle(size):
     corners = pad_buffer(size * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.float32)
     return {0: Geometry(Primitive.TRIANGLE, (corners,), pad_buffer(np.array([[0, 1, 2]]), np.uint32))}
 
 
-def _structure(cache: RenderCache, size: float = 1.0, *, first_instance: int = 1, robust: bool = True) -> Any:
+def _structure(cache, size=1.0, *, first_instance=1, robust=True):
     return cache.build_accel(AccelInput(_triangle(size), (), (), first_instance, robust))
 
 
-def test_a_structure_is_built_once_for_the_same_geometry() -> None:
+def test_a_structure_is_built_once_for_the_same_geometry():
     cache = RenderCache()
     first = _structure(cache)
     assert _structure(cache) is first
@@ -265,7 +235,7 @@ def test_a_structure_is_built_once_for_the_same_geometry() -> None:
     assert _structure(cache).cast([0.1, 0.1, 1.0], [0.0, 0.0, -1.0]).distance == pytest.approx(1.0)
 
 
-def test_what_was_not_used_for_longest_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_was_not_used_for_longest_goes(monkeypatch):
     # Room for two triangles of 36 and 12 bytes.
     monkeypatch.setattr(cache_module, "_MAX_GEOMETRY_BYTES", 100)
     cache = RenderCache()
@@ -276,15 +246,13 @@ def test_what_was_not_used_for_longest_goes(monkeypatch: pytest.MonkeyPatch) -> 
     assert cache.counts.structures_built == 3
     _structure(cache, 2.0)
     assert cache.counts.structures_built == 4
-
-
-def test_what_is_heavier_than_all_that_is_kept_is_kept_as_long_as_it_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    # What is heavier than all that is kept is kept as long as it is used.
     monkeypatch.setattr(cache_module, "_MAX_GEOMETRY_BYTES", 1)
     cache = RenderCache()
     assert _structure(cache) is _structure(cache)
 
 
-def test_kernels_that_there_were_are_not_counted() -> None:
+def test_kernels_that_there_were_are_not_counted():
     cache = RenderCache()
     spec = scene(_SPHERE)
     prepare_scene(spec)
@@ -302,7 +270,7 @@ objects:
 """
 
 
-def test_pictures_from_a_cache_have_the_bits_of_others() -> None:
+def test_pictures_from_a_cache_have_the_bits_of_others():
     cache = RenderCache()
     first = scene(_SPHERE)
     for overrides in ({"camera.vfov": 30}, {"objects.0.radius": 0.5}, {"camera.vfov": 25}, {}):
@@ -312,7 +280,7 @@ def test_pictures_from_a_cache_have_the_bits_of_others() -> None:
     assert cache.counts[1:3] == (2, 2)
 
 
-def test_what_is_ready_may_be_rendered_again() -> None:
+def test_what_is_ready_may_be_rendered_again():
     spec = scene(_SPHERE)
     prepared = prepare_scene(spec, RenderOptions(spp=8, threads=2))
     one, other = render_prepared(prepared), render_prepared(prepared)
@@ -322,11 +290,11 @@ def test_what_is_ready_may_be_rendered_again() -> None:
     assert set(one.stats.seconds) == {*prepared.seconds, "render", "develop", "total"}
 
 
-def test_the_picture_of_a_dry_run_is_not_overwritten() -> None:
-    kept: list[Any] = []
+def test_the_picture_of_a_dry_run_is_not_overwritten():
+    kept = []
     spec = scene(_SPHERE)
 
-    def save(image: Image) -> None:
+    def save(image):
         kept.extend([image, image.radiance.copy()])
 
     final = render(spec, spp=16, threads=2, time_limit=600.0, dry_run_save=save)
@@ -335,7 +303,7 @@ def test_the_picture_of_a_dry_run_is_not_overwritten() -> None:
     assert not np.array_equal(saved.radiance, final.image.radiance)
 
 
-def test_a_pause_before_a_render_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pause_before_a_render_does_not_count(monkeypatch):
     seconds = iter([100.0, 107.0])
     monkeypatch.setattr(statistics, "now", lambda: next(seconds))
     phases = {"load": 2.0, "build": 1.0}
@@ -347,7 +315,7 @@ def test_a_pause_before_a_render_does_not_count(monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cover", "cornell", "nested", "textures", "studio", "smoke", "bouncing", "fan"])
-def test_shipped_scenes_are_packed_from_a_cache_as_anew(name: str) -> None:
+def test_shipped_scenes_are_packed_from_a_cache_as_anew(name):
     cache, spec = RenderCache(), load(ROOT / "scenes" / f"{name}.yaml")
     for overrides in ({}, {"film.width": 30}, {"render.max_depth": 2}, {"camera.look_at": [0.1, 0.2, 0.3]}, {}):
         changed = apply_overrides(spec, overrides)

@@ -1,8 +1,5 @@
 """Where objects are: the middles of what they are made of, carried by transforms, motions and placements."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -10,17 +7,17 @@ from raytracer.core.primitives.base.interface import bounds
 from raytracer.scene.object_bounds import ObjectBounds
 from raytracer.scene.pack.scene import pack
 from raytracer.scene.scene_assets import SceneAssets
+from tests.scene.assets.test_meshes import ply_text
 from tests.small_scenes import scene
 
 CAMERA = "camera: {type: pinhole, look_from: [0, 0, 9]}\n"
 
-PLY = (
-    "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
-    "element face 1\nproperty list uchar int vertex_indices\nend_header\n{}\n3 0 1 2\n"
-)
+
+def write_ply(path, *vertices):
+    path.write_bytes(ply_text([(0, 1, 2)], vertices))
 
 
-def where(objects: str, *, groups: str = "", base: Path | None = None) -> ObjectBounds:
+def where(objects, *, groups="", base=None):
     spec = scene(CAMERA + groups + "objects:\n" + objects, filled=False, base=base)
     return ObjectBounds(spec, SceneAssets(spec))
 
@@ -41,26 +38,26 @@ def where(objects: str, *, groups: str = "", base: Path | None = None) -> Object
         ),
     ],
 )
-def test_the_middle_of_each_shape(item: str, center: tuple[float, ...]) -> None:
+def test_the_middle_of_each_shape(item, center):
     np.testing.assert_allclose(where(f"  - {item}").center(0, 0.0), center, rtol=0, atol=1e-12)
 
 
-def test_vertices_that_no_triangle_has_do_not_count(tmp_path: Path) -> None:
-    (tmp_path / "a.ply").write_text(PLY.format("0 0 0\n4 0 0\n0 2 6\n99 99 99"))
+def test_vertices_that_no_triangle_has_do_not_count(tmp_path):
+    write_ply(tmp_path / "a.ply", (0, 0, 0), (4, 0, 0), (0, 2, 6), (99, 99, 99))
     found = where("  - {type: mesh, file: a.ply, transform: [{translate: [0, 0, 1]}]}", base=tmp_path)
     np.testing.assert_allclose(found.center(0, 0.0), (2, 1, 4))
 
 
-def test_frames_have_the_form_of_their_time(tmp_path: Path) -> None:
-    (tmp_path / "a.ply").write_text(PLY.format("0 0 0\n4 0 0\n0 2 0\n0 0 0"))
-    (tmp_path / "b.ply").write_text(PLY.format("0 0 0\n4 0 0\n0 6 0\n0 0 0"))
+def test_frames_have_the_form_of_their_time(tmp_path):
+    write_ply(tmp_path / "a.ply", (0, 0, 0), (4, 0, 0), (0, 2, 0))
+    write_ply(tmp_path / "b.ply", (0, 0, 0), (4, 0, 0), (0, 6, 0))
     found = where("  - {type: mesh, frames: [{time: 0, file: a.ply}, {time: 2, file: b.ply}]}", base=tmp_path)
     assert found.moves(0)
     for time, height in ((-1.0, 1.0), (0.0, 1.0), (1.0, 2.0), (2.0, 3.0), (5.0, 3.0)):
         np.testing.assert_allclose(found.center(0, time), (2, height, 0))
 
 
-def test_motion_carries_the_middle() -> None:
+def test_motion_carries_the_middle():
     found = where(
         "  - {type: sphere, center: [1, 0, 0], radius: 1, motion: {velocity: [0, 2, 0]}}\n"
         "  - {type: box, min: [1, -1, -1], max: [3, 1, 1], motion: {spin: {axis: [0, 0, 1], rate: 90 deg/s}}}\n"
@@ -83,7 +80,7 @@ GROUPS = """groups:
 """
 
 
-def test_what_is_placed_is_boxed_as_a_whole() -> None:
+def test_what_is_placed_is_boxed_as_a_whole():
     found = where(
         "  - {type: instance, of: pair, transform: [{translate: [0, 0, 5]}]}\n"
         "  - {type: instance, of: four, motion: {velocity: [0, 0, 1]}}\n"
@@ -98,14 +95,14 @@ def test_what_is_placed_is_boxed_as_a_whole() -> None:
     assert [found.moves(number) for number in range(4)] == [True, True, False, False]
 
 
-def test_bounds_are_those_of_points_on_the_primitives() -> None:
+def test_bounds_are_those_of_points_on_the_primitives():
     text = CAMERA + (
         "objects:\n"
         "  - {type: disc, center: [1, -1, 0], normal: [1, 2, 3], radius: 2}\n"
         "  - {type: disc, center: [3, 1, 2], normal: [0, 1, 0], radius: 0.5}\n"
     )
     (table,) = pack(scene(text, filled=False)).scene.primitives
-    rim: list[Any] = []
+    rim = []
     for center, normal, radius in zip(table.center, table.normal, table.radius, strict=True):
         across = np.linalg.svd(normal[None])[2][1:]
         angle = np.linspace(0.0, 2.0 * np.pi, 100_001)

@@ -1,7 +1,5 @@
 """Overrides of a checked scene: as those of a file, and no more work than they ask for."""
 
-from typing import Any
-
 import pytest
 
 import raytracer as rt
@@ -33,18 +31,16 @@ objects:
         {"objects[0].material": {"type": "metal"}, "materials.grey.albedo": 0.25},
         {"materials.blue": {"type": "lambertian", "albedo": [0, 0, 1]}, "objects[1].material": "blue"},
         {"environment.type": "sky", "environment.turbidity": 5},
-        {"film.filter": "gaussian", "film.filter.sigma": 0.4},
+        {"film.filter": {"type": "gaussian", "sigma": 0.4}},
         {},
     ],
     ids=lambda overrides: " ".join(overrides) or "none",
 )
-def test_it_is_as_if_the_file_had_been_loaded_with_them(overrides: dict[str, Any]) -> None:
-    if list(overrides)[0:1] == ["film.filter"]:
-        overrides = {"film.filter": {"type": "gaussian", "sigma": 0.4}}
+def test_it_is_as_if_the_file_had_been_loaded_with_them(overrides):
     assert apply_overrides(build(SCENE, "a.yaml"), overrides) == build(SCENE, "a.yaml", overrides)
 
 
-def test_what_is_not_touched_is_what_it_was() -> None:
+def test_what_is_not_touched_is_what_it_was():
     scene = build(SCENE, "a.yaml")
     seen = apply_overrides(scene, {"camera.vfov": 20, "render.spp": 4})
     assert seen.objects is scene.objects
@@ -57,13 +53,13 @@ def test_what_is_not_touched_is_what_it_was() -> None:
     assert apply_overrides(scene, {"materials.gold.fuzz": 0.1}).materials["grey"] is scene.materials["grey"]
 
 
-def test_one_override_sees_what_another_did() -> None:
+def test_one_override_sees_what_another_did():
     scene = apply_overrides(build(SCENE, "a.yaml"), {"camera.vfov": 20})
     scene = apply_overrides(scene, {"film.width": 5})
     assert (scene.camera.vfov, scene.film.width) == (20.0, 5)
 
 
-def test_a_scene_that_was_changed_in_code_keeps_the_change() -> None:
+def test_a_scene_that_was_changed_in_code_keeps_the_change():
     scene = build(SCENE, "a.yaml")
     changed = scene.model_copy(update={"film": scene.film.model_copy(update={"width": 3})})
     assert apply_overrides(changed, {"film.height": 2}).film.width == 3
@@ -74,17 +70,8 @@ def test_a_scene_that_was_changed_in_code_keeps_the_change() -> None:
     [
         ({"camera.vfov": 400}, "-D camera.vfov=400: camera.vfov: must be less than 180, got 400"),
         ({"camera.vfv": 4}, "-D camera.vfv=4: camera.vfv: unknown key 'vfv' of pinhole; did you mean 'vfov'?"),
-        ({"camra.vfov": 4}, "-D camra.vfov=4: camra: unknown key 'camra' of scene; did you mean 'camera'?"),
-        (
-            {"objects.bal.radius": 4},
-            "-D objects.bal.radius=4: there is no item of the name 'bal'; did you mean 'ball'?",
-        ),
         ({"objects[5].radius": 4}, "-D objects[5].radius=4: there is no item 5; the list has 2"),
         ({"camera.vfov.x": 4}, "-D camera.vfov.x=4: 'x' is not below 40, which is neither a list nor a mapping"),
-        (
-            {"camera..vfov": 4},
-            "-D camera..vfov=4: 'camera..vfov' is not a path such as camera.vfov or objects[3].radius",
-        ),
         # What is wrong stands in the file, because of an override elsewhere.
         (
             {"materials": {"gray": {"type": "metal"}}},
@@ -93,13 +80,13 @@ def test_a_scene_that_was_changed_in_code_keeps_the_change() -> None:
         ({"camera.diameter": -1}, "-D camera.diameter=-1: camera.diameter: must be at least 0, got -1"),
     ],
 )
-def test_mistakes_are_told_as_those_of_a_file_are(overrides: dict[str, Any], sentence: str) -> None:
+def test_mistakes_are_told_as_those_of_a_file_are(overrides, sentence):
     with pytest.raises(InputError) as caught:
         apply_overrides(build(SCENE, "a.yaml"), overrides)
     assert str(caught.value) == sentence
 
 
-def test_scenes_made_in_code_have_no_lines_to_tell() -> None:
+def test_scenes_made_in_code_have_no_lines_to_tell():
     scene = rt.Scene(camera=rt.camera.pinhole(), film=rt.Film(width=4, height=3))
     assert scene.replace({"film.width": 7}).film.width == 7
     with pytest.raises(InputError) as caught:
@@ -110,6 +97,6 @@ def test_scenes_made_in_code_have_no_lines_to_tell() -> None:
     assert str(caught.value) == "-D medium=water: medium: unknown medium 'water'; there are no media"
 
 
-def test_a_file_that_is_not_there_is_told_where_it_is_named() -> None:
+def test_a_file_that_is_not_there_is_told_where_it_is_named():
     with pytest.raises(InputError, match=r"-D environment=\{.*: environment\.file: there is no file 'sky\.png' in "):
         apply_overrides(build(SCENE, "a.yaml"), {"environment": {"type": "image", "file": "sky.png"}})

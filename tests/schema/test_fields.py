@@ -1,26 +1,15 @@
 """The fields that kinds are built of: ranges, triples, and transforms against their textbook matrices."""
 
 import math
-from typing import Annotated, Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from raytracer.plugins.shapes.base.interface import ObjectSpec
-from raytracer.schema.fields import (
-    Albedo,
-    Direction,
-    Fraction,
-    Length,
-    NonNegativeLength,
-    Point,
-    PositiveLength,
-    PositiveLengthOrInf,
-    Radiance,
-)
+from raytracer.schema.fields import Albedo, Direction, Length, Point, PositiveLength, PositiveLengthOrInf, Radiance
 from raytracer.schema.spec import field_error
 from raytracer.schema.transform import Transform, matrix_of
 from raytracer.schema.validation_errors import error_sentence
@@ -29,40 +18,23 @@ ANGLES = st.floats(-720.0, 720.0).filter(lambda angle: angle == 0.0 or abs(angle
 COMPONENTS = st.floats(-1e3, 1e3)
 
 
-def checked(field: Any, value: Any) -> Any:
+def checked(field, value):
     return TypeAdapter(field).validate_python(value)
 
 
-def complaint(field: Any, value: Any) -> tuple[tuple[str | int, ...], str]:
+def complaint(field, value):
     with pytest.raises(ValidationError) as caught:
         checked(field, value)
     first = caught.value.errors()[0]
     return first["loc"], error_sentence(first)
 
 
-def transform(*steps: dict[str, Any]) -> np.ndarray:
+def transform(*steps):
     return matrix_of(checked(Transform, list(steps)))
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "words"),
-    [
-        (PositiveLength, 0, "must be greater than 0, got 0"),
-        (PositiveLength, -0.0, "must be greater than 0, got -0"),
-        (PositiveLength, "-2 cm", "must be greater than 0, got '-2 cm'"),
-        (PositiveLength, math.inf, "must be finite, got inf"),
-        (NonNegativeLength, -1, "must be at least 0, got -1"),
-        (Fraction, 1.5, "must be at most 1, got 1.5"),
-        (Length, True, "got true"),
-        (Length, "1e999", "must be finite"),
-    ],
-)
-def test_range_is_told(field: Any, value: Any, words: str) -> None:
-    assert words in complaint(field, value)[1]
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_numbers_are_0_or_within_sixty_decades(sign: float) -> None:
+def test_numbers_are_0_or_within_sixty_decades(sign):
     for number in (1e-30, 1.0, 1e30):
         assert checked(Length, sign * number) == sign * number
         assert checked(Point, [0, sign * number, 0]) == (0.0, sign * number, 0.0)
@@ -76,7 +48,7 @@ def test_numbers_are_0_or_within_sixty_decades(sign: float) -> None:
     assert words in complaint(Length, "1e-25 nm")[1]
 
 
-def test_zeros_that_rounding_left_are_taken_next_to_larger_numbers() -> None:
+def test_zeros_that_rounding_left_are_taken_next_to_larger_numbers():
     # cos(90 deg) is 6e-17 in float64, and its square 4e-33.
     residue = math.cos(math.radians(90.0)) ** 2
     assert 0.0 < residue < 1e-30
@@ -89,12 +61,8 @@ def test_zeros_that_rounding_left_are_taken_next_to_larger_numbers() -> None:
     assert "flattens" in complaint(Transform, [[residue, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])[1]
 
 
-def test_infinity_is_taken_where_a_field_says_so() -> None:
+def test_triples():
     assert checked(PositiveLengthOrInf, "inf") == math.inf
-    assert checked(PositiveLengthOrInf, math.inf) == math.inf
-
-
-def test_triples() -> None:
     assert checked(Point, [1, "20 mm", 3.0]) == (1.0, 0.02, 3.0)
     assert checked(Radiance, 2) == (2.0, 2.0, 2.0)
     assert checked(Albedo, [0, 0.5, 1]) == (0.0, 0.5, 1.0)
@@ -104,7 +72,6 @@ def test_triples() -> None:
     ("field", "value", "place", "words"),
     [
         (Point, [1, 2], (), "three numbers, got a list of 2"),
-        (Point, 1, (), "three numbers, got 1"),
         (Point, "abc", (), "three numbers, got 'abc'"),
         (Point, [0, math.nan, 0], (1,), "nan"),
         (Direction, [0, -0.0, 0], (), "zero vector"),
@@ -113,19 +80,19 @@ def test_triples() -> None:
         (Radiance, [1, True, 1], (1,), "got true"),
     ],
 )
-def test_wrong_triple_is_told_by_component(field: Any, value: Any, place: tuple[int, ...], words: str) -> None:
+def test_wrong_triple_is_told_by_component(field, value, place, words):
     found, message = complaint(field, value)
     assert found == place
     assert words in message
 
 
-def test_steps_happen_in_the_order_written() -> None:
+def test_steps_happen_in_the_order_written():
     # (1, 0, 0) doubled is (2, 0, 0); turned by 90 degrees about +y it is (0, 0, -2); raised it is (0, 5, -2).
     matrix = transform({"scale": 2}, {"rotate": {"axis": [0, 1, 0], "angle": 90}}, {"translate": [0, 5, 0]})
     assert (matrix @ [1.0, 0.0, 0.0, 1.0]).tolist() == [0.0, 5.0, -2.0, 1.0]
 
 
-def test_quarter_turns_are_exact() -> None:
+def test_quarter_turns_are_exact():
     for quarters in range(-8, 9):
         matrix = transform({"rotate": {"axis": [0, 0, 3], "angle": 90 * quarters}})
         expected = np.linalg.matrix_power(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), quarters % 4)
@@ -133,9 +100,7 @@ def test_quarter_turns_are_exact() -> None:
 
 
 @given(st.tuples(COMPONENTS, COMPONENTS, COMPONENTS).filter(lambda axis: max(map(abs, axis)) >= 1e-30), ANGLES)
-def test_rotation_is_orthonormal_keeps_its_axis_and_turns_by_its_angle(
-    axis: tuple[float, float, float], angle: float
-) -> None:
+def test_rotation_is_orthonormal_keeps_its_axis_and_turns_by_its_angle(axis, angle):
     rotation = transform({"rotate": {"axis": list(axis), "angle": angle}})[:3, :3]
     unit = np.array(axis) / max(map(abs, axis))
     unit /= np.linalg.norm(unit)
@@ -145,20 +110,14 @@ def test_rotation_is_orthonormal_keeps_its_axis_and_turns_by_its_angle(
     assert np.trace(rotation) == pytest.approx(1.0 + 2.0 * math.cos(math.radians(angle)), abs=4e-15)
 
 
-def test_scale_by_axis_and_identity() -> None:
+def test_scale_by_axis_identity_and_matrices():
     assert np.array_equal(transform({"scale": [1, 2, -3]}), np.diag([1.0, 2.0, -3.0, 1.0]))
     assert np.array_equal(matrix_of(None), np.eye(4))
     assert np.array_equal(transform(), np.eye(4))
-
-
-def test_an_extreme_scale_along_one_axis_is_no_flattening() -> None:
     assert transform({"scale": [1e-30, 1, 1e30]})[0, 0] == 1e-30
-
-
-@pytest.mark.parametrize("wrap", [lambda rows: rows, lambda rows: {"matrix": rows}])
-def test_matrix_is_taken_as_written(wrap: Any) -> None:
     rows = [[1, 2, 0, 4], [0, 1, 0, 5], [0, 0, 2, 6], [0, 0, 0, 1]]
-    assert np.array_equal(matrix_of(checked(Transform, wrap(rows))), np.array(rows, float))
+    for written in (rows, {"matrix": rows}):
+        assert np.array_equal(matrix_of(checked(Transform, written)), np.array(rows, float))
 
 
 @pytest.mark.parametrize(
@@ -179,7 +138,7 @@ def test_matrix_is_taken_as_written(wrap: Any) -> None:
         ([[1, 0, 0, math.nan], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], (0, 3), "nan"),
     ],
 )
-def test_wrong_transform_is_told_by_step(value: Any, place: tuple[str | int, ...], words: str) -> None:
+def test_wrong_transform_is_told_by_step(value, place, words):
     found, message = complaint(Transform, value)
     assert found == place
     assert words in message
@@ -193,7 +152,7 @@ class Ball(ObjectSpec):
     solid: bool = False
 
 
-def test_spec_is_frozen_and_hashable() -> None:
+def test_spec_is_frozen_and_hashable():
     ball = Ball(size=1.0)
     with pytest.raises(ValidationError):
         ball.size = 2.0
@@ -206,34 +165,24 @@ def test_spec_is_frozen_and_hashable() -> None:
         ({"siz": 1}, ("siz",), "unknown key 'siz' of ball; did you mean 'size'?"),
         ({"size": 1, "xyzzy": 1}, ("xyzzy",), "known keys: size, pair, solid, name, material, medium"),
         ({}, ("size",), "is missing"),
-        ({"size": 1, "solid": 1}, ("solid",), "must be true or false, got 1"),
-        ({"size": 1, "solid": "yes"}, ("solid",), "must be true or false, got 'yes'"),
         ({"size": 1, "pair": [1]}, ("pair", 1), "is missing; the list needs at least 2 values"),
-        ({"size": 1, "pair": [1, 2, 3]}, ("pair",), "at most 2 values, got 3"),
-        ({"size": 1, "name": 3}, ("name",), "must be a name, got 3"),
-        ({"size": 1, "material": [1]}, ("material",), "must be a name, got a list of 1"),
         ([], (), "must be a mapping"),
     ],
 )
-def test_wrong_mapping_is_told_by_key(value: Any, place: tuple[str | int, ...], words: str) -> None:
+def test_wrong_mapping_is_told_by_key(value, place, words):
     found, message = complaint(Ball, value)
     assert found == place
     assert words in message
 
 
-def test_an_unknown_key_does_not_hide_other_errors() -> None:
+def test_an_unknown_key_does_not_hide_other_errors():
     with pytest.raises(ValidationError) as caught:
         Ball.model_validate({"siz": 1, "solid": 1})
     assert [error["loc"] for error in caught.value.errors()] == [("siz",), ("solid",)]
 
 
-def test_at_points_below_a_mapping() -> None:
+def test_at_points_below_a_mapping():
     with pytest.raises(ValidationError) as caught:
         field_error(("rotate", "axis"), "must {not} be zero")
     assert caught.value.errors()[0]["loc"] == ("rotate", "axis")
     assert error_sentence(caught.value.errors()[0]) == "must {not} be zero"
-
-
-def test_the_constraints_of_pydantic_speak_as_the_others_do() -> None:
-    assert complaint(Annotated[int, Field(gt=0)], -1)[1] == "must be greater than 0, got -1"
-    assert complaint(Annotated[str, Field(min_length=1)], "")[1] == "must not be empty"

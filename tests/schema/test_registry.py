@@ -1,8 +1,6 @@
 """Families find their kinds by looking; the contract's kinds are there."""
 
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -32,25 +30,13 @@ class {name}(Spec):
 """
 
 
-@pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """An empty package `things` that can be imported."""
-    folder = tmp_path / "things"
-    folder.mkdir()
-    (folder / "__init__.py").touch()
-    monkeypatch.syspath_prepend(tmp_path)
-    yield folder
-    for module in [name for name in sys.modules if name.split(".")[0] == "things"]:
-        del sys.modules[module]
-
-
-def complaint(family: Family, value: object) -> str:
+def complaint(family, value):
     with pytest.raises(ValidationError) as caught:
         TypeAdapter(family.union()).validate_python(value)
     return error_sentence(caught.value.errors()[0])
 
 
-def test_a_new_file_is_a_new_kind(package: Path) -> None:
+def test_a_new_file_is_a_new_kind(package):
     (package / "zebra.py").write_text(KIND.format(name="Zebra", type="zebra"))
     (package / "ant.py").write_text(KIND.format(name="Ant", type="ant"))
     (package / "borrower.py").write_text("from things.ant import Ant\n")
@@ -61,28 +47,24 @@ def test_a_new_file_is_a_new_kind(package: Path) -> None:
     assert thing.value == 3.0
 
 
-def test_two_kinds_of_one_name_are_refused(package: Path) -> None:
+def test_two_kinds_of_one_name_are_refused(package):
     (package / "one.py").write_text(KIND.format(name="One", type="same"))
     (package / "two.py").write_text(KIND.format(name="Two", type="same"))
     with pytest.raises(TypeError, match="two kinds are called 'same'"):
         Family("thing", "things").specs()
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_a_wrong_type_is_told_however_many_kinds_there_are(package: Path, count: int) -> None:
-    for name in ["sphere", "box"][:count]:
-        (package / f"{name}.py").write_text(KIND.format(name=name.title(), type=name))
-    family = Family("thing", "things")
-    assert "unknown type of thing 'sphree'; did you mean 'sphere'?" in complaint(family, {"type": "sphree"})
-    assert "needs a type, one of" in complaint(family, {"value": 3})
-    assert "got a list of 0" in complaint(family, [])
-
-
-def test_of_a_family_without_kinds_nothing_is_valid(package: Path) -> None:
+def test_a_wrong_type_is_told_however_many_kinds_there_are(package):
     assert "there are no types" in complaint(Family("thing", "things"), {"type": "sphere"})
+    for name in ("sphere", "box"):
+        (package / f"{name}.py").write_text(KIND.format(name=name.title(), type=name))
+        family = Family("thing", "things")
+        assert "unknown type of thing 'sphree'; did you mean 'sphere'?" in complaint(family, {"type": "sphree"})
+        assert "needs a type, one of" in complaint(family, {"value": 3})
+        assert "got a list of 0" in complaint(family, [])
 
 
-def test_a_kind_is_imported_when_it_is_named(package: Path) -> None:
+def test_a_kind_is_imported_when_it_is_named(package):
     for name in ("ant", "zebra"):
         (package / f"{name}.py").write_text(KIND.format(name=name.title(), type=name))
     (package / "many.py").write_text(KIND.format(name="Gnu", type="gnu"))
@@ -96,30 +78,15 @@ def test_a_kind_is_imported_when_it_is_named(package: Path) -> None:
         family.spec("yak")
 
 
-@pytest.mark.parametrize("family", [CAMERAS, MATERIALS, MEDIA, SHAPES, TEXTURES], ids=lambda family: family.noun)
-def test_kinds_of_these_families_are_called_as_their_modules_are(family: Family) -> None:
-    assert family.modules == {name: spec.__module__ for name, spec in family.specs().items()}
+FAMILIES = (APERTURES, CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES)
 
 
-@pytest.mark.parametrize(
-    ("family", "names"),
-    [
-        (APERTURES, {"image", "polygon", "round"}),
-        (CAMERAS, {"pinhole", "thin_lens"}),
-        (ENVIRONMENTS, {"constant", "gradient"}),
-        (FILTERS, {"box"}),
-        (LIGHTS, set()),
-        (MEDIA, {"homogeneous", "grid"}),
-        (MATERIALS, {"lambertian", "metal", "dielectric", "emitter"}),
-        (TEXTURES, {"checker", "image", "noise"}),
-        (SHAPES, {"sphere", "quad", "disc", "box", "triangle", "mesh"}),
-    ],
-    ids=lambda value: value.noun if isinstance(value, Family) else "",
-)
-def test_every_kind_has_a_file_and_documents_its_keys(family: Family, names: set[str]) -> None:
-    specs = family.specs()
-    assert names <= specs.keys()
-    for name, spec in specs.items():
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.noun)
+def test_every_kind_documents_itself_and_its_keys(family):
+    assert len(family.specs()) >= 2
+    if family in (CAMERAS, MATERIALS, MEDIA, SHAPES, TEXTURES):
+        assert family.modules == {name: spec.__module__ for name, spec in family.specs().items()}
+    for name, spec in family.specs().items():
         assert spec.__doc__, f"{name} has no description"
         for key, field in spec.model_fields.items():
             assert key == "type" or field.description, f"{name}.{key} has no description"

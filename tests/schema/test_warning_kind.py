@@ -1,14 +1,11 @@
 """Kinds of warnings: found by looking, in order, and complete."""
 
 import string
-import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from docs.make_warnings import all_warning_kinds
-from raytracer.schema.warning_kind import Sentence, WarningFamily, WarningKind, WarningRecord
+from raytracer.schema.warning_kind import Sentence, WarningFamily, WarningRecord
 
 KIND = """\
 from raytracer.schema.warning_kind import Sentence, WarningKind
@@ -25,25 +22,13 @@ class {name}(WarningKind):
 KINDS = all_warning_kinds()
 
 
-@pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """An empty package `oddities` that can be imported."""
-    folder = tmp_path / "oddities"
-    folder.mkdir()
-    (folder / "__init__.py").touch()
-    monkeypatch.syspath_prepend(tmp_path)
-    yield folder
-    for module in [name for name in sys.modules if name.split(".")[0] == "oddities"]:
-        del sys.modules[module]
-
-
-def test_a_new_file_is_a_new_kind(package: Path) -> None:
+def test_a_new_file_is_a_new_kind(package):
     (package / "ant.py").write_text(KIND.format(name="Ant", rank=2))
     (package / "zebra.py").write_text(KIND.format(name="Zebra", rank=1))
-    (package / "borrower.py").write_text("from oddities.ant import Ant\n")
+    (package / "borrower.py").write_text("from things.ant import Ant\n")
     (package / "base").mkdir()
     (package / "base" / "__init__.py").write_text(KIND.format(name="Base", rank=3))
-    family = WarningFamily[float]("oddities")
+    family = WarningFamily[float]("things")
     assert family.find(5.0) == []
     assert family.find(12.0) == [
         WarningRecord("Zebras", ("here",), "12 is large: take 1"),
@@ -52,7 +37,7 @@ def test_a_new_file_is_a_new_kind(package: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: type(kind).__name__)
-def test_every_kind_is_complete(kind: WarningKind[object]) -> None:
+def test_every_kind_is_complete(kind):
     assert kind.name
     assert kind.section
     assert kind.sentences()
@@ -64,16 +49,16 @@ def test_every_kind_is_complete(kind: WarningKind[object]) -> None:
             assert not _fields(sentence.remedy)
 
 
-def test_kinds_have_an_order_and_their_sentences_differ() -> None:
+def test_kinds_have_an_order_and_their_sentences_differ():
     places = [(kind.__module__.rpartition(".")[0], kind.rank) for kind in KINDS]
     assert len(set(places)) == len(places)
     texts = [sentence.text for kind in KINDS for sentence in kind.sentences()]
     assert len(set(texts)) == len(texts) > 50
 
 
-def test_values_may_hold_braces() -> None:
+def test_values_may_hold_braces():
     assert Sentence("{name} is odd: {remedy}", "", "leave {name} out").fill(name="{x}") == "{x} is odd: leave {x} out"
 
 
-def _fields(template: str) -> set[str]:
+def _fields(template):
     return {field for _, field, _, _ in string.Formatter().parse(template) if field is not None}

@@ -17,8 +17,7 @@ SHAPE = (24, 32, 3)
 QUICK = ("mae", "mse", "psnr")
 
 
-def render(seed: int, gain: float = 1.0, spp: int = 64, **settings: str | float) -> Image:
-    """An image with normal noise that knows its variance."""
+def render(seed, gain=1.0, spp=64, **settings):
     rng = np.random.default_rng(seed)
     scene = gain * np.linspace(0.2, 0.9, 32)[:, None] * np.array([1.0, 0.7, 0.4]) * np.ones(SHAPE)
     variance = (0.5 * scene) ** 2 / spp
@@ -32,16 +31,15 @@ def test_two_renders_of_a_scene_pass_and_another_one_fails(tmp_path):
     same = compare(tmp_path / "a.exr", tmp_path / "b.exr", metrics=QUICK)
     assert same.passed is True
     assert same.failures == ()
+    # Errors of 768 pixels with common noise in their channels: 5 % is their standard deviation, and this is four.
+    assert same.metrics["mse"] == pytest.approx(same.noise_mse, rel=0.2)
     other = compare(tmp_path / "c.exr", tmp_path / "b.exr", metrics=QUICK)
     assert other.passed is False
     assert other.failures == (f"z-test failed: {other.verdict.reason}",)
     assert other.a == str(tmp_path / "c.exr")
-
-
-def test_noise_alone_makes_the_error_that_is_told():
-    found = compare(render(1), render(2), metrics=QUICK)
-    # Errors of 768 pixels with common noise in their channels: 5 % is their standard deviation, and this is four.
-    assert found.metrics["mse"] == pytest.approx(found.noise_mse, rel=0.2)
+    # A denoised file is not tested, even if it has a variance.
+    save(render(1, denoised="oidn"), tmp_path / "d.exr")
+    assert "was denoised" in compare(tmp_path / "d.exr", render(2), metrics=QUICK).untested
 
 
 def test_files_arrays_and_images_are_one(tmp_path):
@@ -54,28 +52,6 @@ def test_files_arrays_and_images_are_one(tmp_path):
     assert compare(tmp_path / "a.npy", str(tmp_path / "b.npy"), metrics=QUICK).metrics == expected
     assert compare(tmp_path / "a.exr", b, metrics=QUICK).metrics == pytest.approx(expected, rel=1e-4)
     assert compare(tmp_path / "a.hdr", tmp_path / "b.hdr", metrics=QUICK).metrics == pytest.approx(expected, rel=0.05)
-
-
-def test_display_images_are_compared_in_what_they_hold(tmp_path):
-    for name, byte in (("a", 20), ("b", 10)):
-        save(Image(np.full(SHAPE, srgb.decode(byte / 255))), tmp_path / f"{name}.png")
-    found = compare(tmp_path / "a.png", tmp_path / "b.png")
-    assert found.metrics["mae"] == pytest.approx(10 / 255)
-    assert found.metrics["psnr"] == pytest.approx(20 * math.log10(25.5))
-    assert set(found.domains.values()) == {"display"}
-    assert found.passed is None
-    assert found.verdict is None
-
-
-def test_linear_images_are_compared_in_linear_light_but_for_what_is_seen():
-    a, b = np.full(SHAPE, 0.5), np.full(SHAPE, 2.0)
-    found = compare(a, b)
-    assert found.metrics["mae"] == pytest.approx(1.5)
-    # A display shows 2 as 1.
-    assert found.metrics["psnr"] == pytest.approx(-20 * math.log10(1 - srgb.encode(0.5)))
-    linear = {"mae", "mse", "rmse", "relmse", "mrse", "flip"}
-    assert {name for name, domain in found.domains.items() if domain == "linear"} == linear
-    assert set(found.metrics) - linear == {"psnr", "ssim"}
 
 
 def test_a_render_equals_the_display_image_that_it_was_saved_as(tmp_path):
@@ -97,14 +73,12 @@ def test_bounds_decide_when_there_are_any():
     assert found.passed is False
     assert [failure.split(",")[1][:6] for failure in found.failures] == [" above", " below"]
     assert compare(a, b, metrics=QUICK, fail_above={"mae": 1.0}, test=True).passed is False
-    # A bound is measured, even if it was not among those asked for.
+    assert compare(a, b, metrics=QUICK, test=False).passed is None
+    # A bound is measured, even if it was not among those asked for, and holds for the value itself.
     assert "mse" in compare(a, b, metrics=["mae"], fail_above={"mse": 1.0}).metrics
-
-
-def test_a_bound_holds_for_the_value_itself():
     a, b = np.full(SHAPE, 0.75), np.full(SHAPE, 0.5)
-    assert compare(a, b, metrics=["mae"], fail_above={"mae": 0.25}).passed is True
-    assert compare(a, b, metrics=["mae"], fail_above={"mae": 0.2499}).passed is False
+    for bound, passes in ((0.25, True), (0.2499, False)):
+        assert compare(a, b, metrics=["mae"], fail_above={"mae": bound}).passed is passes
     assert compare(a, a, metrics=["psnr"], fail_below={"psnr": math.inf}).passed is True
 
 
@@ -134,29 +108,6 @@ def test_gains_that_are_measured_do_not_fail_by_their_own_noise(own, others, tmp
     assert compare(render(1, gain=1.05, **others), images["b"], metrics=["mae"]).passed is False
 
 
-@pytest.mark.parametrize(
-    "own",
-    [
-        {"exposure_gain": 2.1},
-        {"white_balance_gains": "0.525,1.05,2.1"},
-        # A compensation is asked for.
-        METERED | {"exposure_gain": 2.1, "exposure_compensation": math.log2(1.05)},
-        METERED | {"exposure_gain": "much"},
-        BALANCED | {"white_balance_gains": "0.525,1.05"},
-    ],
-)
-def test_gains_that_were_asked_for_or_are_not_known_are_not_undone(own):
-    found = compare(render(1, gain=1.05, **own), render(2, **METERED, **BALANCED), metrics=["mae"])
-    assert found.passed is False
-    assert not any("gains" in note for note in found.notes)
-
-
-def test_no_test_asks_for_nothing():
-    found = compare(render(3, gain=1.05), render(2), metrics=QUICK, test=False)
-    assert found.passed is None
-    assert found.verdict is None
-
-
 def test_alpha_is_the_significance_level():
     a, b = render(3, gain=1.008), render(2)
     verdict = compare(a, b, metrics=QUICK).verdict
@@ -184,11 +135,6 @@ def test_why_there_is_no_test_is_told(image, reason):
         compare(render(1), image, metrics=QUICK, test=True)
 
 
-def test_a_denoised_file_is_not_tested_even_if_it_has_a_variance(tmp_path):
-    save(render(1, denoised="oidn"), tmp_path / "a.exr")
-    assert "was denoised" in compare(tmp_path / "a.exr", render(2), metrics=QUICK).untested
-
-
 def test_pixels_that_are_not_finite_are_counted_named_and_left_out():
     a, b = np.full(SHAPE, 0.75), np.full(SHAPE, 0.5)
     a[5, 7, 1], a[6, 1], b[5, 7], b[20, 3, 2] = np.nan, np.inf, np.nan, -np.inf
@@ -199,11 +145,10 @@ def test_pixels_that_are_not_finite_are_counted_named_and_left_out():
     assert "2 pixels of A and 2 pixels of B, the first at x = 7, y = 5" in found.text()
     assert found.passed is None
     assert compare(a, b, metrics=["mae"], fail_above={"mae": 1}).passed is False
-
-
-def test_an_image_without_a_finite_pixel_fails_any_bound():
-    a = np.full(SHAPE, np.nan)
-    assert compare(a, a, fail_above={"mae": 1e9}, metrics=["mae"]).passed is False
+    broken = render(1)
+    broken.radiance[3, 4] = np.nan
+    found = compare(broken, render(2), metrics=QUICK)
+    assert found.failures == ("not finite: 1 pixel of A, the first at x = 4, y = 3",)
 
 
 def test_of_no_finite_pixel_nothing_is_known():
@@ -211,6 +156,7 @@ def test_of_no_finite_pixel_nothing_is_known():
     found = compare(a, b, metrics=[*QUICK, "ssim", "flip"])
     assert all(np.isnan(value) for value in found.metrics.values())
     assert compare(a, b, fail_below={"ssim": 0.1}, metrics=["ssim"]).failures[0].startswith("SSIM is nan")
+    assert compare(a, a, fail_above={"mae": 1e9}, metrics=["mae"]).passed is False
 
 
 @pytest.mark.parametrize("height", [24, 200])
@@ -226,14 +172,6 @@ def test_what_float64_cannot_hold_is_infinite(height):
         encode(found, kind)
 
 
-def test_the_z_test_of_pixels_that_are_not_finite_fails():
-    broken = render(1)
-    broken.radiance[3, 4] = np.nan
-    found = compare(broken, render(2), metrics=QUICK)
-    assert found.passed is False
-    assert found.failures == ("not finite: 1 pixel of A, the first at x = 4, y = 3",)
-
-
 def test_large_images_are_not_measured_by_flip_unless_it_is_asked_for(monkeypatch):
     monkeypatch.setattr("raytracer.analysis.compare.image_comparison._FLIP_UNASKED", 2 * 24 * 32 - 1)
     a, b = (image.radiance for image in (render(1), render(2)))
@@ -246,11 +184,121 @@ def test_large_images_are_not_measured_by_flip_unless_it_is_asked_for(monkeypatc
     assert "flip" in compare((255 * a).astype(np.uint8), (255 * b).astype(np.uint8)).metrics
 
 
-def test_what_cannot_be_measured_is_told_unless_it_was_asked_for():
-    small = np.full((4, 5, 3), 0.5)
-    assert "11 x 11" in compare(small, small).unmeasured["ssim"]
-    with pytest.raises(InputError, match="11 x 11"):
-        compare(small, small, metrics=["ssim"])
+def test_images_are_compared_in_what_they_hold(tmp_path):
+    for name, byte in (("a", 20), ("b", 10)):
+        save(Image(np.full(SHAPE, srgb.decode(byte / 255))), tmp_path / f"{name}.png")
+    display = compare(tmp_path / "a.png", tmp_path / "b.png")
+    assert display.metrics["mae"] == pytest.approx(10 / 255)
+    assert display.metrics["psnr"] == pytest.approx(20 * math.log10(25.5))
+    assert set(display.domains.values()) == {"display"}
+    assert (display.passed, display.verdict) == (None, None)
+    light = compare(np.full(SHAPE, 0.5), np.full(SHAPE, 2.0))
+    assert light.metrics["mae"] == pytest.approx(1.5)
+    # A display shows 2 as 1.
+    assert light.metrics["psnr"] == pytest.approx(-20 * math.log10(1 - srgb.encode(0.5)))
+    linear = {"mae", "mse", "rmse", "relmse", "mrse", "flip"}
+    assert {name for name, domain in light.domains.items() if domain == "linear"} == linear
+    assert set(light.metrics) - linear == {"psnr", "ssim"}
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        {"exposure_gain": 2.1},
+        {"white_balance_gains": "0.525,1.05,2.1"},
+        # A compensation is asked for.
+        METERED | {"exposure_gain": 2.1, "exposure_compensation": math.log2(1.05)},
+        METERED | {"exposure_gain": "much"},
+        BALANCED | {"white_balance_gains": "0.525,1.05"},
+    ],
+)
+def test_gains_that_were_asked_for_or_are_not_known_are_not_undone(own):
+    found = compare(render(1, gain=1.05, **own), render(2, **METERED, **BALANCED), metrics=["mae"])
+    assert found.passed is False
+    assert not any("gains" in note for note in found.notes)
+
+
+SMALL, TALL = np.full((4, 5, 3), 0.5), np.ones((5, 4, 3))
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "settings", "words"),
+    [
+        (SMALL, TALL, {}, "differ in size: 5 x 4 and 4 x 5 pixels"),
+        (np.ones((4, 5)), SMALL, {}, r"A: an image has the shape .* got float64 \(4, 5\)"),
+        ("nowhere.png", SMALL, {}, "no such file"),
+        (SMALL, SMALL, {"metrics": ["relmsd"]}, "unknown metric 'relmsd': did you mean 'relmse'"),
+        (SMALL, SMALL, {"metrics": ["ssim"]}, "11 x 11"),
+        (SMALL, SMALL, {"fail_above": {"ssim": 0.9}}, "SSIM is better when it is larger, so it fails below its bound"),
+        (SMALL, SMALL, {"fail_below": {"mae": 0.9}}, "MAE is better when it is smaller, so it fails above"),
+        (SMALL, SMALL, {"fail_above": {"mae": math.nan}}, "must be a number"),
+        (SMALL, SMALL, {"alpha": 1.0}, "alpha must lie between 0 and 1"),
+    ],
+)
+def test_what_is_wrong_is_said(a, b, settings, words):
+    with pytest.raises(InputError, match=words):
+        compare(a, b, **settings)
+    assert "11 x 11" in compare(SMALL, SMALL).unmeasured["ssim"]
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """Two folders: one pair alike, one apart, one broken, one within, one only here and one only there."""
+    for folder in "ab":
+        (tmp_path / folder / "in").mkdir(parents=True)
+        save(render(1), tmp_path / folder / "same.png")
+        save(render(1 if folder == "a" else 2), tmp_path / folder / "in" / "noise.exr")
+        save(render(1, gain=1.0 if folder == "a" else 0.5), tmp_path / folder / "apart.png")
+        save(render(1), tmp_path / folder / f"only_{folder}.png")
+        (tmp_path / folder / ".before").mkdir()
+        for name in ("notes.txt", f".before/{folder}.png", f"._{folder}.png"):
+            (tmp_path / folder / name).write_bytes(b"no image")
+    (tmp_path / "a" / "broken.png").write_bytes(b"\x89PNG")
+    save(render(1), tmp_path / "b" / "broken.png")
+    return tmp_path / "a", tmp_path / "b"
+
+
+def test_folders_are_compared_by_name(folders):
+    done = []
+
+    def note(pair, number, of):
+        # Pixels are there meanwhile, and let go of.
+        assert pair.comparison is None or pair.comparison.pictures is not None
+        done.append((pair.name, number, of))
+
+    checks = comparison.PassCriteria(above={"mae": 0.01}, test=False)
+    found = comparison.compare_folders(*folders, metrics=("mae",), checks=checks, done=note)
+    names = ["apart.png", "broken.png", "in/noise.exr", "same.png"]
+    assert done == [(name, number, 4) for number, name in enumerate(names, start=1)]
+    assert [pair.passed for pair in found.pairs] == [False, False, False, True]
+    assert (found.only_a, found.only_b) == (("only_a.png",), ("only_b.png",))
+    assert found.passed is False
+    assert "broken, or no .png image" in found.pairs[1].error
+    assert "FAIL: 5 of 6 images" in found.text()
+    data = json.loads(json.dumps(found.json(), allow_nan=False))
+    assert [pair["passed"] for pair in data["pairs"]] == [False, False, False, True]
+    assert data["only_in_a"] == ["only_a.png"]
+    assert all(pair.comparison is None or pair.comparison.pictures is None for pair in found.pairs)
+    with pytest.raises(InputError, match="released"):
+        comparison.encode(found.pairs[0].comparison, "signed")
+
+
+def test_folders_that_are_alike_pass_or_were_asked_nothing(folders, tmp_path):
+    a, b = folders
+    (a / "broken.png").unlink()
+    asked = comparison.compare_folders(a, a, metrics=("mae",), checks=comparison.PassCriteria(above={"mae": 0.0}))
+    assert asked.passed is True
+    assert asked.text().endswith("PASS\n")
+    (a / "in" / "noise.exr").unlink()
+    assert comparison.compare_folders(a, a, metrics=("mae",)).passed is None
+    (tmp_path / "empty").mkdir()
+    for first, second, words in (
+        (a, tmp_path / "none", "no such folder"),
+        (a / "same.png", b, "is not a folder"),
+        (a, tmp_path / "empty", "no image has the same name in both folders"),
+    ):
+        with pytest.raises(InputError, match=words):
+            comparison.compare_folders(first, second)
 
 
 def test_json_holds_everything_and_no_number_that_it_cannot():
@@ -265,26 +313,6 @@ def test_json_holds_everything_and_no_number_that_it_cannot():
     assert data["not_finite"] == {"a": 0, "b": 0, "first": None}
 
 
-def test_what_is_wrong_is_said(tmp_path):
-    a = np.ones((4, 5, 3))
-    with pytest.raises(InputError, match="differ in size: 5 x 4 and 4 x 5 pixels"):
-        compare(a, np.ones((5, 4, 3)))
-    with pytest.raises(InputError, match=r"A: an image has the shape .* got float64 \(4, 5\)"):
-        compare(np.ones((4, 5)), a)
-    with pytest.raises(InputError, match="no such file"):
-        compare(tmp_path / "a.png", a)
-    with pytest.raises(InputError, match="unknown metric 'relmsd': did you mean 'relmse'"):
-        compare(a, a, metrics=["relmsd"])
-    with pytest.raises(InputError, match="SSIM is better when it is larger, so it fails below its bound"):
-        compare(a, a, fail_above={"ssim": 0.9})
-    with pytest.raises(InputError, match="MAE is better when it is smaller, so it fails above"):
-        compare(a, a, fail_below={"mae": 0.9})
-    with pytest.raises(InputError, match="must be a number"):
-        compare(a, a, fail_above={"mae": math.nan})
-    with pytest.raises(InputError, match="alpha must lie between 0 and 1"):
-        compare(a, a, alpha=1.0)
-
-
 def test_an_exr_file_of_one_channel_is_grey(tmp_path):
     import OpenEXR
 
@@ -295,72 +323,3 @@ def test_an_exr_file_of_one_channel_is_grey(tmp_path):
     OpenEXR.File({"type": OpenEXR.scanlineimage}, {"depth": grey}).write(str(tmp_path / "b.exr"))
     with pytest.raises(InputError, match="neither channels R, G and B nor Y"):
         compare(tmp_path / "b.exr", tmp_path / "a.exr")
-
-
-# ---- folders ----
-
-
-@pytest.fixture
-def folders(tmp_path):
-    """Two folders: one pair alike, one apart, one broken, one within, one only here and one only there."""
-    for folder in "ab":
-        (tmp_path / folder / "in").mkdir(parents=True)
-        save(render(1), tmp_path / folder / "same.png")
-        save(render(1 if folder == "a" else 2), tmp_path / folder / "in" / "noise.exr")
-        save(render(1, gain=1.0 if folder == "a" else 0.5), tmp_path / folder / "apart.png")
-        save(render(1), tmp_path / folder / f"only_{folder}.png")
-        (tmp_path / folder / "notes.txt").write_text("no image")
-        (tmp_path / folder / ".before").mkdir()
-        (tmp_path / folder / ".before" / f"{folder}.png").write_bytes(b"hidden")
-        (tmp_path / folder / f"._{folder}.png").write_bytes(b"hidden")
-    (tmp_path / "a" / "broken.png").write_bytes(b"\x89PNG")
-    save(render(1), tmp_path / "b" / "broken.png")
-    return tmp_path / "a", tmp_path / "b"
-
-
-def test_folders_are_compared_by_name(folders):
-    done = []
-    checks = comparison.PassCriteria(above={"mae": 0.01}, test=False)
-    found = comparison.compare_folders(
-        *folders, metrics=("mae",), checks=checks, done=lambda *progress: done.append((progress[0].name, *progress[1:]))
-    )
-    names = ["apart.png", "broken.png", "in/noise.exr", "same.png"]
-    assert done == [(name, number, 4) for number, name in enumerate(names, start=1)]
-    assert [pair.passed for pair in found.pairs] == [False, False, False, True]
-    assert (found.only_a, found.only_b) == (("only_a.png",), ("only_b.png",))
-    assert found.passed is False
-    assert "broken, or no .png image" in found.pairs[1].error
-    assert "FAIL: 5 of 6 images" in found.text()
-    data = json.loads(json.dumps(found.json(), allow_nan=False))
-    assert [pair["passed"] for pair in data["pairs"]] == [False, False, False, True]
-    assert data["only_in_a"] == ["only_a.png"]
-
-
-def test_folders_that_are_alike_pass_or_were_asked_nothing(folders):
-    a, _ = folders
-    (a / "broken.png").unlink()
-    asked = comparison.compare_folders(a, a, metrics=("mae",), checks=comparison.PassCriteria(above={"mae": 0.0}))
-    assert asked.passed is True
-    assert asked.text().endswith("PASS\n")
-    (a / "in" / "noise.exr").unlink()
-    assert comparison.compare_folders(a, a, metrics=("mae",)).passed is None
-
-
-def test_pixels_of_folders_are_let_go_of(folders):
-    kept = []
-    found = comparison.compare_folders(*folders, metrics=("mae",), done=lambda pair, *_: kept.append(pair.comparison))
-    assert kept[0].pictures is not None
-    assert all(pair.comparison is None or pair.comparison.pictures is None for pair in found.pairs)
-    with pytest.raises(InputError, match="released"):
-        comparison.encode(found.pairs[0].comparison, "signed")
-
-
-def test_folders_that_cannot_be_compared(folders, tmp_path):
-    a, b = folders
-    with pytest.raises(InputError, match="no such folder"):
-        comparison.compare_folders(a, tmp_path / "none")
-    with pytest.raises(InputError, match="is not a folder"):
-        comparison.compare_folders(a / "same.png", b)
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="no image has the same name in both folders"):
-        comparison.compare_folders(a, tmp_path / "empty")

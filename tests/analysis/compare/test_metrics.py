@@ -1,5 +1,6 @@
 """The metrics are their formulas, and what independent implementations make of the same images."""
 
+import functools
 import math
 import time
 
@@ -18,7 +19,6 @@ SHAPE = (147, 38, 3)
 
 @pytest.fixture(scope="module")
 def display():
-    """Two random images of display values."""
     rng = np.random.default_rng(1)
     b = rng.random(SHAPE)
     return np.clip(b + 0.1 * rng.standard_normal(SHAPE), 0.0, 1.0), b
@@ -43,43 +43,32 @@ def test_metrics_are_their_formulas():
     assert compare.psnr(a, b) == pytest.approx(-10 * math.log10(0.02))
     assert compare.psnr(a, b, peak=10) == pytest.approx(20 - 10 * math.log10(0.02))
     assert compare.psnr(a, a) == math.inf
-
-
-def test_relative_errors_are_of_the_reference():
+    # Relative errors are of the reference; one that would make it infinite is left out.
     bright, dim = np.full((2, 2, 3), 1.0), np.full((2, 2, 3), 0.5)
     assert compare.relmse(bright, dim) == pytest.approx(0.25 / 0.26)
     assert compare.relmse(dim, bright) == pytest.approx(0.25 / 1.01)
     assert compare.mrse(bright, dim) == pytest.approx(0.25 / 0.51**2)
-
-
-def test_a_reference_that_makes_the_relative_error_infinite_is_left_out_of_it():
     a, b = np.full((1, 4, 3), 1.0), np.full((1, 4, 3), 1.0)
     a[0, 0], b[0, 1] = 1.5, -0.01
     assert compare.mrse(a, b) == pytest.approx((0.5 / 1.01) ** 2 / 4)
 
 
-def test_plain_metrics_equal_those_of_scikit_image(display, linear):
+def test_metrics_equal_those_of_scikit_image(display, linear):
     for a, b in (display, linear):
         assert compare.mse(a, b) == pytest.approx(peer.mean_squared_error(b, a), rel=1e-12)
         assert compare.psnr(a, b) == pytest.approx(peer.peak_signal_noise_ratio(b, a, data_range=1.0), rel=1e-12)
         # Its normalised root mean square error, times what it divides by.
         root = peer.normalized_root_mse(b, a) * math.sqrt(np.mean(b**2))
         assert compare.rmse(a, b) == pytest.approx(root, rel=1e-12)
-
-
-def test_structural_similarity_equals_that_of_scikit_image_on_the_whole_image(display):
     a, b = display
-    expected = peer.structural_similarity(
-        b, a, channel_axis=2, data_range=1.0, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
-    )
+    gaussian = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
+    expected = peer.structural_similarity(b, a, channel_axis=2, data_range=1.0, **gaussian)
     assert compare.ssim(a, b) == pytest.approx(expected, abs=1e-12)
-    assert compare.ssim(a, a) == pytest.approx(1.0, abs=1e-15)
-
-
-def test_structural_similarity_of_flat_images_is_that_of_their_means():
-    # Without any structure only the luminance is compared: (2 m n + C1) / (m^2 + n^2 + C1), with C1 = 0.01^2.
-    a, b = np.full((12, 13, 3), 0.5), np.full((12, 13, 3), 0.25)
-    assert compare.ssim(a, b) == pytest.approx((0.25 + 1e-4) / (0.3125 + 1e-4), rel=1e-9)
+    # Sums do not depend on where bands of rows end, and what is not a number is not hidden in one.
+    assert sums(a, b) == pytest.approx(sums(a[::-1], b[::-1]), rel=1e-13)
+    broken = a.copy()
+    broken[100, 3, 1] = np.nan
+    assert all(math.isnan(metric(broken, b)) for metric in (compare.mae, compare.mse, compare.relmse, compare.mrse))
 
 
 @pytest.mark.parametrize("size", [(1, 1), (3, 40), (11, 11), (40, 50)])
@@ -91,23 +80,42 @@ def test_flip_equals_its_authors(size, display, linear):
         np.testing.assert_array_equal(compare.flip_map(test, reference, domain), found[..., 0])
 
 
-def test_flip_tells_colours_apart_that_are_far_from_one_another():
+def test_flip_tells_colours_apart_within_what_a_display_shows(display):
     # Largest where green meets blue, of which the paper says what its scale ends with; none where nothing differs.
     green, blue = np.zeros((9, 9, 3)), np.zeros((9, 9, 3))
     green[..., 1], blue[..., 2] = 1.0, 1.0
     assert compare.flip(green, blue, "display") > 0.95
     assert compare.flip(green, green, "display") == 0.0
-
-
-def test_flip_counts_what_no_display_shows_as_its_limits(display):
     a, b = display
     assert compare.flip(2 * a, b - 1, "display") == compare.flip(np.minimum(2 * a, 1), np.maximum(b - 1, 0), "display")
 
 
-@pytest.mark.parametrize("value", [0.0, 1e-30, -1.0])
-def test_flip_of_a_black_reference_is_refused_before_the_package_ends_the_process(value):
-    with pytest.raises(InputError, match="black"):
-        compare.flip(np.ones((4, 4, 3)), np.full((4, 4, 3), value), "linear")
+linear_flip = functools.partial(compare.flip, domain="linear")
+
+
+@pytest.mark.parametrize(
+    ("metric", "a", "b", "words"),
+    [
+        (compare.mse, np.ones((4, 5)), np.ones((4, 5)), r"\(height, width, 3\)"),
+        (compare.ssim, np.ones((4, 5, 3)), np.ones((5, 4, 3)), "differ in size: 5 x 4 and 4 x 5 pixels"),
+        (compare.ssim, np.ones((10, 40, 3)), np.ones((10, 40, 3)), "11 x 11 pixels or more, got 40 x 10"),
+        # Before the package ends the process.
+        (linear_flip, np.ones((4, 4, 3)), np.zeros((4, 4, 3)), "black"),
+        (linear_flip, np.ones((4, 4, 3)), np.full((4, 4, 3), 1e-30), "black"),
+        (linear_flip, np.ones((4, 4, 3)), np.full((4, 4, 3), -1.0), "black"),
+    ],
+)
+def test_images_that_cannot_be_measured(metric, a, b, words):
+    with pytest.raises(InputError, match=words):
+        metric(a, b)
+
+
+def test_a_missing_extra_is_named(monkeypatch):
+    monkeypatch.setattr("raytracer.analysis.compare.metrics.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"flip needs flip-evaluator.*pip install 'raytracer\[compare\]'"):
+        require_extra("flip")
+    with pytest.raises(InputError, match="ssim needs scikit-image"):
+        compare.ssim(np.ones((12, 12, 3)), np.ones((12, 12, 3)))
 
 
 @pytest.mark.parametrize("scale", [2.4e-7, 1.0, 1e37])
@@ -127,39 +135,9 @@ def test_exposures_are_as_many_as_the_package_takes(linear):
         assert exposures(reference) == used["numExposures"]
 
 
-def test_what_is_not_a_number_is_not_hidden(display):
-    a, b = display
-    broken = a.copy()
-    broken[100, 3, 1] = np.nan
-    assert all(math.isnan(metric(broken, b)) for metric in (compare.mae, compare.mse, compare.relmse, compare.mrse))
-
-
 def test_bands_are_kept_in_order_and_cover_everything():
-    def slow_first(top: int, bottom: int) -> tuple[int, int]:
+    def slow_first(top, bottom):
         time.sleep(0.02 if top == 0 else 0.0)
         return top, bottom
 
     assert map_row_bands(slow_first, 10, 4) == [(0, 4), (4, 8), (8, 10)]
-
-
-def test_sums_do_not_depend_on_where_bands_end(display):
-    a, b = display
-    whole, flipped = sums(a, b), sums(a[::-1], b[::-1])
-    assert whole == pytest.approx(flipped, rel=1e-13)
-
-
-def test_images_that_cannot_be_measured():
-    with pytest.raises(InputError, match=r"\(height, width, 3\)"):
-        compare.mse(np.ones((4, 5)), np.ones((4, 5)))
-    with pytest.raises(InputError, match="differ in size: 5 x 4 and 4 x 5 pixels"):
-        compare.ssim(np.ones((4, 5, 3)), np.ones((5, 4, 3)))
-    with pytest.raises(InputError, match="11 x 11 pixels or more, got 40 x 10"):
-        compare.ssim(np.ones((10, 40, 3)), np.ones((10, 40, 3)))
-
-
-def test_a_missing_extra_is_named(monkeypatch):
-    monkeypatch.setattr("raytracer.analysis.compare.metrics.find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"flip needs flip-evaluator.*pip install 'raytracer\[compare\]'"):
-        require_extra("flip")
-    with pytest.raises(InputError, match="ssim needs scikit-image"):
-        compare.ssim(np.ones((12, 12, 3)), np.ones((12, 12, 3)))

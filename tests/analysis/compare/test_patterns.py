@@ -19,7 +19,6 @@ HEIGHT, WIDTH = 45, 64
 
 
 def smooth_scene(height=HEIGHT, width=WIDTH):
-    """An image whose details are several pixels wide, with different channels."""
     rng = np.random.default_rng(0)
     grey = gaussian_filter(rng.standard_normal((height, width)), 2.5, mode="mirror")
     return (1.0 + 0.3 * grey / grey.std())[..., None] * [1.0, 0.7, 0.4]
@@ -96,7 +95,6 @@ def test_what_hides_in_the_variances_of_stratified_samples_is_found():
     assert before > 0.1
     assert verdict.pattern_p < 1e-4
     amount = re.fullmatch(r"the whole is shifted to the right by ([.\d]+) px, z = [.\d]+", verdict.reason)
-    assert amount is not None
     assert float(amount[1]) == pytest.approx(0.25, abs=0.1)
 
 
@@ -131,20 +129,6 @@ def test_what_would_have_been_found_is_found_nine_times_of_ten(what):
     assert found[0.3] <= 8
 
 
-def test_bands_of_rows_are_one_picture(monkeypatch):
-    rng = np.random.default_rng(8)
-    scene = smooth_scene(150, 20)
-    pair = make_image_pair(*render(rng, scene), *render(rng, scene))
-    several = find_structure(pair, 1.0, alike=True, tile=16)
-    monkeypatch.setattr(patterns, "ROWS", 1024)
-    one = find_structure(pair, 1.0, alike=True, tile=16)
-    for first, second in ((several.whole, one.whole), (several.tiles, one.tiles)):
-        for values, expected in zip(first, second, strict=True):
-            np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
-    np.testing.assert_allclose(several.neighbour_z, one.neighbour_z, rtol=1e-9)
-    assert several.squares_z == pytest.approx(one.squares_z)
-
-
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (2, 3), (17, 1)])
 @pytest.mark.parametrize("alike", [True, False])
 def test_the_smallest_pictures_are_judged(shape, alike):
@@ -153,16 +137,6 @@ def test_the_smallest_pictures_are_judged(shape, alike):
     verdict = z_test(*render(rng, scene), *render(rng, scene), alike=alike)
     assert verdict.passed, verdict.reason
     assert np.isfinite(verdict.pattern_tile_z).all()
-
-
-def test_a_sky_without_noise_hides_nothing_below_it():
-    rng = np.random.default_rng(10)
-    b, variance = render(rng, SCENE)
-    a, _ = render(rng, CHANGES["shift_x"][0](SCENE))
-    for values in (a, b, variance):
-        values[:30] = 1.0 if values is not variance else 0.0
-    verdict = z_test(a, variance, b, variance, alike=True)
-    assert "shifted to the right" in " ".join(verdict.findings)
 
 
 def compared(**settings):
@@ -183,6 +157,30 @@ def test_a_pass_says_what_would_have_been_found():
     assert told["p"].keys() == {"mean", "tile", "pixel", "exceeding", "pattern", "pattern_tile", "neighbour", "squares"}
     # Where the noise is taken from the variances, it takes twice as much.
     assert compared().verdict.limits.brightness > 1.5 * found.verdict.limits.brightness
+
+
+def test_bands_of_rows_are_one_picture(monkeypatch):
+    rng = np.random.default_rng(8)
+    scene = smooth_scene(150, 20)
+    pair = make_image_pair(*render(rng, scene), *render(rng, scene))
+    several = find_structure(pair, 1.0, alike=True, tile=16)
+    monkeypatch.setattr(patterns, "ROWS", 1024)
+    one = find_structure(pair, 1.0, alike=True, tile=16)
+    for first, second in ((several.whole, one.whole), (several.tiles, one.tiles)):
+        for values, expected in zip(first, second, strict=True):
+            np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(several.neighbour_z, one.neighbour_z, rtol=1e-9)
+    assert several.squares_z == pytest.approx(one.squares_z)
+
+
+def test_a_sky_without_noise_hides_nothing_below_it():
+    rng = np.random.default_rng(10)
+    b, variance = render(rng, SCENE)
+    a, _ = render(rng, CHANGES["shift_x"][0](SCENE))
+    for values in (a, b, variance):
+        values[:30] = 1.0 if values is not variance else 0.0
+    verdict = z_test(a, variance, b, variance, alike=True)
+    assert "shifted to the right" in " ".join(verdict.findings)
 
 
 def test_the_hint_at_other_samples_is_given_where_it_is_true():

@@ -4,24 +4,18 @@ Its scenes are real ones that are packed, but never compiled, and no clock is re
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections import namedtuple
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raytracer.analysis.cost.bench import Bench
 from raytracer.core.error_estimate.metric import FLOOR
-from raytracer.film.window import Window
-from raytracer.kernel.packed_scene import Scene
 from raytracer.rendering.tile_renderer import RenderedTiles
 from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.scene.load import load
-from raytracer.scene.pack.scene import PackedScene, pack
-from raytracer.scene.spec import SceneSpec
-
-Array = NDArray[np.float64]
+from raytracer.scene.pack.scene import pack
 
 SCENE = """\
 camera: {{type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40, defocus_angle: 1}}
@@ -34,21 +28,13 @@ objects:
 """
 
 
-def scene_of(folder, width: int = 160, height: int = 112) -> SceneSpec:  # type: ignore[no-untyped-def]
-    """A scene with defocus and two materials."""
+Prepared = namedtuple("Prepared", "spec packed accel scene seconds")
+
+
+def scene_of(folder, width=160, height=112):
     path = folder / "scene.yaml"
     path.write_text(SCENE.format(width=width, height=height))
     return load(path)
-
-
-class MadeUp(NamedTuple):
-    """A scene that is as good as prepared."""
-
-    spec: SceneSpec
-    packed: PackedScene
-    accel: object
-    scene: Scene
-    seconds: dict[str, float]
 
 
 @dataclass
@@ -69,41 +55,34 @@ class World:
     steep: float = 0.09
     brightness: float = 2e-5
     per_sample: float = 1e-6
-    slower: Callable[[MadeUp], float] = lambda prepared: 1.0
-    noisier: Callable[[MadeUp], float] = lambda prepared: 1.0
-    brighter: Callable[[MadeUp], float] = lambda prepared: 1.0
+    slower: Callable = lambda prepared: 1.0
+    noisier: Callable = lambda prepared: 1.0
+    brighter: Callable = lambda prepared: 1.0
     jitter: float = 0.02
     uneven: bool = True
     bad: int = 0
     interrupt_after: int | None = None
     calls: list[tuple[int, int, int]] = field(default_factory=list)
 
-    def bench(self) -> Bench:
-        return Bench(self.prepare, self.render, lambda prepared, picture: 0.25)  # type: ignore[arg-type]
+    def bench(self):
+        return Bench(self.prepare, self.render, lambda prepared, picture: 0.25)
 
-    def prepare(self, spec: SceneSpec, packed: PackedScene | None) -> MadeUp:
+    def prepare(self, spec, packed):
         packed = packed or pack(spec)
         accel = packed.built or object()
-        return MadeUp(packed.spec, packed, accel, packed.scene, {"pack": 0.0, "build": 0.5, "compile": 8.0})
+        seconds = {"pack": 0.0, "build": 0.5, "compile": 8.0}
+        return Prepared(packed.spec, packed, accel, packed.scene, seconds)
 
-    def unevenness(self, windows: Sequence[Window]) -> Array:
+    def unevenness(self, windows):
         """Factors of noise and time by tile, with a mean of about 1, the right half of the picture being worse."""
         if not self.uneven:
             return np.ones(len(windows))
         return np.array([0.5 + 1.0 * ((w.left // TILE_SIZE + 3 * (w.top // TILE_SIZE)) % 11) / 10.0 for w in windows])
 
-    def mse(self, spp: float) -> float:
+    def mse(self, spp):
         return self.linear / spp + self.steep / spp**1.5
 
-    def render(
-        self,
-        prepared: MadeUp,
-        windows: Sequence[Window],
-        spp: int,
-        seed: int,
-        threads: int,
-        keep: Sequence[int] = (),
-    ) -> RenderedTiles:
+    def render(self, prepared, windows, spp, seed, threads, keep=()):
         """Even grey with normal noise: its relative MSE is that of the pixels' weight, 1 / (b^2 (1 + FLOOR^2))."""
         self.calls.append((len(windows), spp, seed))
         if self.interrupt_after is not None and len(self.calls) > self.interrupt_after:
@@ -111,7 +90,7 @@ class World:
         value = self.brightness * self.brighter(prepared)
         factors = self.unevenness(windows)
 
-        def picture(n: int) -> Array:
+        def picture(n):
             """The same noise for the same seed, whatever the scene, as with common random numbers."""
             noise = np.random.default_rng((seed, n)).standard_normal((len(windows), TILE_SIZE, TILE_SIZE, 3))
             mse = self.mse(n) * self.noisier(prepared) * factors

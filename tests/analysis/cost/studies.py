@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -18,100 +17,50 @@ EVIL = "<b>&\"'[red]$x^2$</script>"
 LINEAR, STEEP = 0.13, 0.11
 
 
-def around(value: float, by: float = 0.03) -> Interval:
+def around(value, by=0.03):
     return Interval(value, value * (1.0 - by), value * (1.0 + by))
 
 
-def predicted(**changes: Any) -> Prediction:
+def predicted(**changes):
     """Of a picture that takes 0.3 s and 10 ms a sample, with MSE = 0.13 / N + 0.11 / N^1.5."""
     points = tuple(
         ConvergencePoint(n, 0.3 + 0.01 * n, around(math.sqrt(LINEAR / n + STEEP / n**1.5), 0.02)) for n in (16, 64, 256)
     )
-    made = Prediction(
-        points=points,
-        linear=LINEAR,
-        steep=STEEP,
-        exponent=1.04,
-        factor=0.15,
-        halving=1.06,
-        fixed=around(0.3),
-        per_sample=around(0.01),
-        target=0.01,
-        budget=60.0,
-        target_spp=around(1330.0),
-        target_seconds=around(13.6),
-        plain_spp=1370.0,
-        plain_seconds=14.0,
-        power_spp=1350.0,
-        power_seconds=13.8,
-        budget_spp=5970.0,
-        budget_error=around(0.0047),
-    )
+    fit = {"linear": LINEAR, "steep": STEEP, "exponent": 1.04, "factor": 0.15, "halving": 1.06}
+    asked = {"target": 0.01, "budget": 60.0, "budget_spp": 5970.0, "budget_error": around(0.0047)}
+    seconds = {"fixed": around(0.3), "per_sample": around(0.01), "target_seconds": around(13.6)}
+    guesses = {"plain_spp": 1370.0, "plain_seconds": 14.0, "power_spp": 1350.0, "power_seconds": 13.8}
+    made = Prediction(points=points, target_spp=around(1330.0), **fit, **asked, **seconds, **guesses)
     return replace(made, **changes)
 
 
-def variants() -> tuple[VariantResult, ...]:
-    scene = VariantResult(
-        "scene",
-        "scene",
-        "the scene as it is",
-        per_sample=around(0.01),
-        per_ray=around(34.2),
-        rays_per_sample=2.7,
-        time=Interval(1.0, 1.0, 1.0),
-        spp=64,
-        noise=around(0.0464),
-        noise_ratio=Interval(1.0, 1.0, 1.0),
-        target_spp=1330.0,
-        target_seconds=13.6,
-    )
-    control = replace(
-        scene,
-        name="A/A",
-        group="control",
-        what="the scene once more, to see what the machine's unrest alone does",
-        time=Interval(1.002, 0.991, 1.008),
-        bias=Interval(0.0, 0.0, 0.0041),
-        brightness=Interval(0.0, -0.001, 0.001),
-        noise_ratio=Interval(1.01, 0.97, 1.05),
-        target_seconds=13.6,
-    )
-    defocus = replace(
-        control,
-        name="defocus",
-        group="effect",
-        what="all rays start at one point, as of a pinhole: everything is sharp",
-        per_sample=around(0.0084),
-        time=Interval(0.839, 0.821, 0.857),
-        time_differs=True,
-        noise=around(0.0421),
-        noise_ratio=Interval(0.82, 0.77, 0.87),
-        noise_differs=True,
-        bias=Interval(0.154, 0.149, 0.159),
-        bias_resolved=True,
-        target_spp=None,
-        target_seconds=None,
-        why_blank="the bias exceeds the target, which no number of samples mends",
-    )
+def variants():
+    one = Interval(1.0, 1.0, 1.0)
+    seconds = {"per_sample": around(0.01), "per_ray": around(34.2), "rays_per_sample": 2.7, "target_seconds": 13.6}
+    noise = {"spp": 64, "noise": around(0.0464), "noise_ratio": one, "target_spp": 1330.0}
+    scene = VariantResult("scene", "scene", "the scene as it is", time=one, **seconds, **noise)
+    what = "the scene once more, to see what the machine's unrest alone does"
+    ratios = {"time": Interval(1.002, 0.991, 1.008), "noise_ratio": Interval(1.01, 0.97, 1.05)}
+    biases = {"bias": Interval(0.0, 0.0, 0.0041), "brightness": Interval(0.0, -0.001, 0.001)}
+    control = replace(scene, name="A/A", group="control", what=what, **ratios, **biases)
+    what = "all rays start at one point, as of a pinhole: everything is sharp"
+    ratios = {"time": Interval(0.839, 0.821, 0.857), "noise_ratio": Interval(0.82, 0.77, 0.87)}
+    biases = {"bias": Interval(0.154, 0.149, 0.159), "per_sample": around(0.0084), "noise": around(0.0421)}
+    found = dict.fromkeys(("time_differs", "noise_differs", "bias_resolved"), True)
+    why = "the bias exceeds the target, which no number of samples mends"
+    blank = {"target_spp": None, "target_seconds": None, "why_blank": why}
+    defocus = replace(control, name="defocus", group="effect", what=what, **ratios, **biases, **found, **blank)
+    setting = replace(control, group="setting")
+    sampler = replace(control, name="sampler=independent", group="sampler", what="samples know nothing of each other")
     return (
         scene,
         control,
         defocus,
         replace(defocus, name=f"material {EVIL}", what=f"{EVIL} scatters evenly", time=around(12.34)),
         VariantResult("media", "effect", "no fog", failed="the variant could not be packed: nothing is left to see"),
-        replace(control, name="accuracy=fast", group="setting", what="hits as Embree finds them"),
-        replace(control, name="max_depth=4", group="setting", what="paths end after 4 segments", bias=UNKNOWN),
-        replace(
-            control,
-            name="sampler=independent",
-            group="sampler",
-            what="samples know nothing of each other",
-            noise_ratio=around(1.2),
-            noise=around(0.051),
-            noise_differs=True,
-            target_seconds=INF,
-            target_spp=INF,
-        ),
+        replace(setting, name="accuracy=fast", what="hits as Embree finds them"),
+        replace(setting, name="max_depth=4", what="paths end after 4 segments", bias=UNKNOWN),
+        replace(sampler, noise_ratio=around(1.2), noise_differs=True, target_seconds=INF, target_spp=INF),
         VariantResult("roulette", "setting", "nobody knows"),
     )
 
@@ -137,8 +86,7 @@ MACHINE = {
 }
 
 
-def measured(width: int, height: int, part: float) -> tuple[np.ndarray, np.ndarray]:
-    """An error map and a picture of which about that part of the tiles is there."""
+def measured(width, height, part):
     rng = np.random.default_rng(1)
     rows, columns = -(-height // 16), -(-width // 16)
     there = rng.random((rows, columns)) < part
@@ -151,7 +99,7 @@ def measured(width: int, height: int, part: float) -> tuple[np.ndarray, np.ndarr
     return np.where(there, error, NAN), np.where(there[..., None], picture, NAN)
 
 
-def study(width: int = 400, height: int = 225, part: float = 0.3, **changes: Any) -> Study:
+def study(width=400, height=225, part=0.3, **changes):
     error_map, picture = measured(width, height, part)
     tiles = -(-height // 16) * -(-width // 16)
     made = Study(
@@ -173,64 +121,37 @@ def study(width: int = 400, height: int = 225, part: float = 0.3, **changes: Any
     return replace(made, **changes)
 
 
-NO_PREDICTION = predicted(
-    points=(), linear=NAN, steep=NAN, exponent=NAN, factor=NAN, halving=NAN, fixed=UNKNOWN, per_sample=UNKNOWN,
-    budget=None, target_spp=UNKNOWN, target_seconds=UNKNOWN, plain_spp=NAN, plain_seconds=NAN, power_spp=NAN,
-    power_seconds=NAN, budget_spp=None, budget_error=None,
-)  # fmt: skip
+NO_FIT = dict.fromkeys(("linear", "steep", "exponent", "factor", "halving"), NAN)
+NO_GUESS = dict.fromkeys(("plain_spp", "plain_seconds", "power_spp", "power_seconds"), NAN)
+NO_TARGET = dict.fromkeys(("fixed", "per_sample", "target_spp", "target_seconds"), UNKNOWN)
+NO_BUDGET = dict.fromkeys(("budget", "budget_spp", "budget_error"))
+NO_PREDICTION = predicted(points=(), **NO_FIT, **NO_GUESS, **NO_TARGET, **NO_BUDGET)
+NO_PICTURE = {"top_share": NAN, "error_map": np.full((225, 400), NAN), "picture": np.full((225, 400, 3), NAN)}
 
 
-def nothing() -> Study:
-    """Of a scene about which nothing could be found out."""
-    return study(
-        plan=(),
-        prediction=NO_PREDICTION,
-        variants=(),
-        seconds={},
-        machine={},
-        warnings=(),
-        top_share=NAN,
-        error_map=np.full((225, 400), NAN),
-        picture=np.full((225, 400, 3), NAN),
-    )
+def nothing():
+    return study(plan=(), prediction=NO_PREDICTION, variants=(), seconds={}, machine={}, warnings=(), **NO_PICTURE)
 
 
-def black() -> Study:
+def black():
     """Of a black picture, to which no error is relative."""
     points = tuple(ConvergencePoint(n, 0.01 * n, UNKNOWN) for n in (16, 64))
-    return study(
-        prediction=replace(
-            NO_PREDICTION,
-            points=points,
-            fixed=around(0.3),
-            per_sample=around(0.01),
-            budget=30.0,
-            budget_spp=2970.0,
-            budget_error=UNKNOWN,
-        ),
-        error_map=np.full((225, 400), NAN),
-        picture=np.zeros((225, 400, 3)),
-        top_share=NAN,
-    )
+    known = {"points": points, "fixed": around(0.3), "per_sample": around(0.01)}
+    prediction = replace(NO_PREDICTION, **known, budget=30.0, budget_spp=2970.0, budget_error=UNKNOWN)
+    return study(prediction=prediction, **(NO_PICTURE | {"picture": np.zeros((225, 400, 3))}))
 
 
-def still() -> Study:
+def still():
     """Of a picture without any noise."""
     points = tuple(ConvergencePoint(n, 0.01 * n, Interval(0.0, 0.0, 0.0)) for n in (16, 64))
-    return study(
-        prediction=predicted(points=points, linear=0.0, steep=0.0, halving=1.0, target_spp=around(1.0)),
-        error_map=np.zeros((225, 400)),
-    )
+    prediction = predicted(points=points, linear=0.0, steep=0.0, halving=1.0, target_spp=around(1.0))
+    return study(prediction=prediction, error_map=np.zeros((225, 400)))
 
 
-def hopeless() -> Study:
+def hopeless():
     """With a target that is out of reach, and a budget that buys nothing."""
-    return study(
-        prediction=predicted(
-            target_spp=NOWHERE, target_seconds=NOWHERE, plain_spp=INF, plain_seconds=INF, power_spp=INF,
-            power_seconds=INF, budget=0.1, budget_spp=0.0, budget_error=NOWHERE,
-        )
-    )  # fmt: skip
+    never = dict.fromkeys(NO_GUESS, INF) | {"target_spp": NOWHERE, "target_seconds": NOWHERE}
+    return study(prediction=predicted(**never, budget=0.1, budget_spp=0.0, budget_error=NOWHERE))
 
 
 ALL = {
@@ -241,7 +162,7 @@ ALL = {
     "hopeless": hopeless,
     "one tile": lambda: study(width=9, height=5, part=1.0),
     "no variants": lambda: study(variants=()),
-    "no budget": lambda: study(prediction=predicted(budget=None, budget_spp=None, budget_error=None)),
+    "no budget": lambda: study(prediction=predicted(**NO_BUDGET)),
     "one point": lambda: study(prediction=predicted(points=predicted().points[:1])),
     "portrait": lambda: study(width=90, height=400, part=1.0),
 }

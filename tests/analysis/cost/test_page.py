@@ -1,31 +1,22 @@
 """The page of a study in a browser: what matters is seen without scrolling, and numbers are told under the pointer."""
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 import pytest
 
 from raytracer.analysis.cost.page import page
 from tests.analysis.cost import studies
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Page
-
-Open = Callable[..., "Page"]
-
 STUDY = studies.study()
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def report(tmp_path_factory):
     path = tmp_path_factory.mktemp("cost") / "cost.html"
     path.write_bytes(page(STUDY))
     return path
 
 
-def point_at(shown: "Page", key: str, x: float, y: float) -> list[str]:
+def point_at(shown, key, x, y):
     """Move the pointer to a place of a chart, in parts of its axes from the left and from the bottom; what is said."""
     picture = shown.locator(f"figure[data-chart={key}] > svg")
     picture.scroll_into_view_if_needed()
@@ -43,9 +34,7 @@ def point_at(shown: "Page", key: str, x: float, y: float) -> list[str]:
 
 
 @pytest.mark.parametrize(("size", "color_scheme"), [((1280, 800), "light"), ((400, 800), "dark")])
-def test_the_ratio_of_times_is_seen_without_scrolling(
-    report: Path, open_page: Open, size: tuple[int, int], color_scheme: str
-) -> None:
+def test_the_ratio_of_times_is_seen_without_scrolling(report, open_page, size, color_scheme):
     shown = open_page(report, size=size, color_scheme=color_scheme)
     assert shown.evaluate("document.documentElement.scrollWidth <= innerWidth")
     box = shown.get_by_role("button", name="time against the scene").bounding_box()
@@ -55,7 +44,7 @@ def test_the_ratio_of_times_is_seen_without_scrolling(
     assert min(letters.evaluate_all("all => all.map((one) => one.getBoundingClientRect().height)")) > 7.0
 
 
-def test_the_fit_tells_error_and_time(report: Path, open_page: Open) -> None:
+def test_the_fit_tells_error_and_time(report, open_page):
     shown = open_page(report)
     (low, high), _ = shown.evaluate("data.charts.convergence.ranges")
     point = STUDY.prediction.points[-1]
@@ -68,7 +57,7 @@ def test_the_fit_tells_error_and_time(report: Path, open_page: Open) -> None:
     assert float(error.removeprefix("relative error (%): ")) == pytest.approx(100.0 * point.error.value, rel=0.01)
 
 
-def test_the_map_tells_the_error_of_the_pixels_there(report: Path, open_page: Open) -> None:
+def test_the_map_tells_the_error_of_the_pixels_there(report, open_page):
     shown = open_page(report)
     height, width = STUDY.error_map.shape
     step = shown.evaluate("data.charts.map.grid.step")
@@ -84,12 +73,12 @@ def test_the_map_tells_the_error_of_the_pixels_there(report: Path, open_page: Op
     assert said == [f"x {column}, y {row}", "error (%): not measured"]
 
 
-def shown_blocks(shown: "Page") -> Any:
+def shown_blocks(shown):
     """The errors of blocks of pixels, as the page has them."""
     return np.array(shown.evaluate("data.charts.map.grid.values"), dtype=np.float64)
 
 
-def test_the_table_is_sorted_by_numbers_with_the_unknown_last(report: Path, open_page: Open) -> None:
+def test_the_table_is_sorted_by_numbers_with_the_unknown_last(report, open_page):
     shown = open_page(report)
     names = shown.locator("#variants tbody td:first-child")
     assert names.first.inner_text() == "the scene"

@@ -8,9 +8,8 @@ import pytest
 from raytracer.analysis.cost import predict as predicting
 from raytracer.analysis.cost.measure_scene import Replicates
 from raytracer.analysis.cost.predict import PictureCost, predict
-from raytracer.analysis.cost.results import Prediction
 from raytracer.analysis.cost.study_options import StudySettings
-from raytracer.analysis.cost.tile_sample import TileSample, choose_tiles
+from raytracer.analysis.cost.tile_sample import choose_tiles
 from raytracer.core.error_estimate.metric import error_weights, mse_by_tile
 from raytracer.film.window import Window
 from raytracer.rendering.tile_scheduler import TILE_SIZE, split_into_tiles
@@ -23,7 +22,7 @@ LEVEL = np.random.default_rng(11).lognormal(0.0, 1.0, len(WINDOWS))
 LEVEL /= LEVEL.mean()
 
 
-def replicates(sample: TileSample, rng: np.random.Generator, *, drift: float = 0.0) -> Replicates:
+def replicates(sample, rng, *, drift=0.0):
     """Of a picture of even brightness 1 with MSE = 0.2 / N (1 + 0.01), and 1e-6 s of a thread for a sample of LEVEL."""
     place = {window: number for number, window in enumerate(WINDOWS)}
     level = LEVEL[[place[window] for window in sample.windows]]
@@ -36,21 +35,19 @@ def replicates(sample: TileSample, rng: np.random.Generator, *, drift: float = 0
     return Replicates(sample, means, busy, 256.0 * np.tile(level, (4, 1)), 0, 1.0)
 
 
-def predicted(
-    sample: TileSample, seed: int, *, drift: float = 0.0, known: bool = True, budget: float | None = None
-) -> Prediction:
+def predicted(sample, seed, *, drift=0.0, known=True, budget=None):
     measured = replicates(sample, np.random.default_rng(seed), drift=drift)
     picture = PictureCost(PIXELS, float(PIXELS) if known else math.nan, 2, 0.5)
     return predict(measured, picture, StudySettings(threads=2, seed=seed, budget=budget), 1.0)
 
 
 @pytest.fixture(autouse=True)
-def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
+def few_resamples(monkeypatch):
     monkeypatch.setattr(predicting, "_RESAMPLES", 200)
 
 
 @pytest.mark.parametrize("count", [30, len(WINDOWS)])
-def test_intervals_hold_the_truth_as_often_as_they_say(count: int) -> None:
+def test_intervals_hold_the_truth_as_often_as_they_say(count):
     held_error, held_seconds, widths = 0, 0, []
     for seed in range(40):
         rng = np.random.default_rng(seed + 1000)
@@ -70,7 +67,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(count: int) -> None:
     assert np.median(widths) < (0.03 if count == len(WINDOWS) else 0.35)
 
 
-def test_seconds_come_from_rays_where_these_are_known() -> None:
+def test_seconds_come_from_rays_where_these_are_known():
     sample = choose_tiles(WINDOWS, 40, np.random.default_rng(3))
     truth = PIXELS * 1e-6 / 2
     by_rays, by_pixels = (predicted(sample, 3, known=known).per_sample for known in (True, False))
@@ -81,7 +78,7 @@ def test_seconds_come_from_rays_where_these_are_known() -> None:
     assert by_pixels.high - by_pixels.low > 0.1 * truth
 
 
-def test_replicates_that_differ_in_time_make_times_uncertain() -> None:
+def test_replicates_that_differ_in_time_make_times_uncertain():
     sample = choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(4))
     steady, shaken = (predicted(sample, 4, drift=drift) for drift in (0.0, 0.2))
     assert steady.per_sample.high / steady.per_sample.low < 1.001
@@ -95,19 +92,16 @@ def test_replicates_that_differ_in_time_make_times_uncertain() -> None:
     )
 
 
-def test_plain_guess_goes_by_the_last_point() -> None:
-    prediction = predicted(choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(5)), 5)
+def test_plain_guess_goes_by_the_last_point():
+    prediction = predicted(choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(5)), 5, budget=10.5)
     assert prediction.plain_spp == pytest.approx(256 * (prediction.points[-1].error.value / 0.01) ** 2)
     assert prediction.plain_seconds == pytest.approx(0.5 + prediction.plain_spp * prediction.per_sample.value)
     assert prediction.halving == pytest.approx(1.0)
-
-
-def test_a_budget_buys_samples_after_what_every_render_takes() -> None:
-    prediction = predicted(choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(5)), 5, budget=10.5)
+    # A budget buys samples after what every render takes.
     assert prediction.budget_spp == pytest.approx(10.0 / prediction.per_sample.value)
 
 
-def test_what_is_bright_or_dark_by_chance_does_not_mislead() -> None:
+def test_what_is_bright_or_dark_by_chance_does_not_mislead():
     # A light that one sample in 100 finds: the MSE of N samples is (1 - p) / (p N), 62 % at 256.
     sample = choose_tiles(WINDOWS, 40, np.random.default_rng(6))
     rng, p, pixels = np.random.default_rng(7), 0.01, len(sample.owner)

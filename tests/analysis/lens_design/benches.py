@@ -1,40 +1,47 @@
 """Lenses of few numbers, and benches to look at them on."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, crossing
 from raytracer.analysis.lens_design.performance.results import Settings
-from raytracer.optics.glass import AIR, Glass, constant_index_glass
+from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.first_order import entrance_pupil
 from raytracer.optics.lens_system.lens import Element, Lens
+from raytracer.scene.assets.lenses import read_lens
 
 SHIPPED = sorted((Path(__file__).parents[3] / "scenes" / "lenses").glob("*.yaml"))
+
+
+QUICK = Settings(steps=9, rays=16, fields=(0.0, 0.7, 1.0))
+
+
+def shipped(name):
+    return read_lens(next(path for path in SHIPPED if path.stem == name))
+
 
 THIN = 1e-9
 """A thickness (mm) that is none, but keeps surfaces in order."""
 
 
-def lens_of(*rows: Any, name: str = "test") -> Lens:
+def lens_of(*rows, name="test"):
     """From curvature, thickness, glass, radius, and what else an element has, of each surface."""
     return Lens(name, tuple(Element(*row[:4], **(row[4] if len(row) > 4 else {})) for row in rows))
 
 
-def stop(thickness: float, radius: float) -> tuple[Any, ...]:
+def stop(thickness, radius):
     return (0.0, thickness, AIR, radius, {"kind": "flat", "is_stop": True})
 
 
-def thin_lens(focal_length: float, shape: float, glass: Glass, radius: float) -> Lens:
+def thin_lens(focal_length, shape, glass, radius):
     """shape : (c1 + c2) / (c1 - c2)."""
     difference = 1.0 / (focal_length * (float(glass.ior()) - 1.0))
     c1, c2 = 0.5 * difference * (shape + 1.0), 0.5 * difference * (shape - 1.0)
     return lens_of((c1, THIN, glass, radius, {"is_stop": True}), (c2, 0.0, AIR, 2.0 * radius))
 
 
-def symmetric_lens() -> Lens:
+def symmetric_lens():
     """Two equal menisci on both sides of a stop."""
     glass = constant_index_glass(1.6)
     front = [(1.0 / 20.0, 3.0, glass, 9.0), (1.0 / 28.0, 5.0, AIR, 8.0)]
@@ -42,11 +49,11 @@ def symmetric_lens() -> Lens:
     return lens_of(*front, stop(5.0, 2.5), *rear)
 
 
-def plano_convex(radius: float = 10.0) -> Lens:
+def plano_convex(radius=10.0):
     return lens_of((0.0, 5.0, constant_index_glass(1.5), 12.5, {"kind": "flat"}), (-1.0 / 50.0, 0.0, AIR, radius))
 
 
-def aspheric_pair() -> Lens:
+def aspheric_pair():
     """Without any symmetry or correction, with a conic, coefficients, and the stop between."""
     glass, other = constant_index_glass(1.5), constant_index_glass(1.7)
     return lens_of(
@@ -60,7 +67,7 @@ def aspheric_pair() -> Lens:
     )
 
 
-def cylinder_pair() -> Lens:
+def cylinder_pair():
     """Two crossed cylinders around the stop, the second twice as strong and half as far, so that both planes focus."""
     glass = constant_index_glass(1.5)
     return lens_of(
@@ -72,7 +79,7 @@ def cylinder_pair() -> Lens:
     )
 
 
-def bench_at(lens: Lens, film: float | None = None, **settings: Any) -> OpticalBench:
+def bench_at(lens, film=None, **settings):
     """With the film at the paraxial focus, if no other place is given."""
     number = lens.stop()
     surfaces = lens.packed()
@@ -82,19 +89,18 @@ def bench_at(lens: Lens, film: float | None = None, **settings: Any) -> OpticalB
     return OpticalBench(lens, bench.settings, number, bench.stop_radius, focus, pupil)
 
 
-def sensor(largest: float) -> tuple[float, float]:
-    """A sensor whose corner is so far from its middle."""
+def sensor(largest):
     return (1.2 * largest, 1.6 * largest)
 
 
-def limit(sizes: Sequence[float], ratios: Any) -> float:
+def limit(sizes, ratios):
     """Extrapolate ratios that are off by the square of a size, from the two smallest sizes."""
     (a, b), (p, q) = sizes[-2:], tuple(ratios)[-2:]
     weight = (b / a) ** 2
     return float((q - weight * p) / (1.0 - weight))
 
 
-def rays_close_to(origin: Any, direction: Any, along: Any, apart: float, *, parallel: bool) -> tuple[Any, Any]:
+def rays_close_to(origin, direction, along, apart, *, parallel):
     """Two rays on both sides of one (2, 3), parallel to it, or through the point from which it comes."""
     steps = apart * np.array([[1.0], [-1.0]]) * np.asarray(along)
     if parallel:
@@ -103,7 +109,7 @@ def rays_close_to(origin: Any, direction: Any, along: Any, apart: float, *, para
     return np.broadcast_to(origin, (2, 3)), ways / np.linalg.norm(ways, axis=1, keepdims=True)
 
 
-def closest(points: Any, directions: Any) -> Any:
+def closest(points, directions):
     """Find the point where two rays (2, 3) come closest: the middle of the shortest way between them."""
     between = points[1] - points[0]
     a, b = directions

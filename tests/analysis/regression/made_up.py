@@ -1,11 +1,9 @@
 """Renders that are made up: a picture that is known, with noise that is known, in no time."""
 
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raytracer.analysis.regression import check, render_reference
 from raytracer.analysis.regression.reference_file import save_reference
@@ -22,8 +20,7 @@ objects:
 """
 
 
-def truth(width: int = WIDTH, height: int = HEIGHT) -> NDArray[np.float64]:
-    """A picture of different channels."""
+def truth(width=WIDTH, height=HEIGHT):
     y, x = np.mgrid[:height, :width]
     grey = (0.5 + 0.3 * np.sin(x / 5) * np.cos(y / 7)) * (1 + 0.3 * np.sign(np.sin(2.1 * x) * np.sin(1.7 * y)))
     return np.asarray(grey[..., None] * [1.0, 0.7, 0.4])
@@ -36,14 +33,14 @@ class MadeUp:
     interrupted : whether the user ends it; calls : what it was asked for.
     """
 
-    def __init__(self, sigma: float = 0.3) -> None:
+    def __init__(self, sigma=0.3):
         self.sigma = sigma
         self.change: Any = lambda picture: picture
         self.settings: dict[str, Any] = {}
         self.nan_samples, self.interrupted = 0, False
         self.calls: list[dict[str, Any]] = []
 
-    def __call__(self, spec: Any, *, spp: int, seed: int, **others: Any) -> Any:
+    def __call__(self, spec, *, spp, seed, **others):
         self.calls.append({"spec": spec, "spp": spp, "seed": seed, **others})
         picture = self.change(truth(spec.film.width, spec.film.height))
         rng = np.random.default_rng([seed, spp])
@@ -55,15 +52,13 @@ class MadeUp:
             image=image, stats=SimpleNamespace(nan_samples=self.nan_samples), interrupted=self.interrupted
         )
 
-    def install(self, monkeypatch: Any) -> "MadeUp":
-        """Let references and checks be made of it."""
+    def install(self, monkeypatch):
         for module in (render_reference, check):
             monkeypatch.setattr(module, "render", self)
         return self
 
 
-def reference(folder: Path, name: str = "ball", spp: int = 4096, width: int | None = None) -> Path:
-    """A scene in `folder`, and its reference in `folder`/references."""
+def reference(folder, name="ball", spp=4096, width=None):
     scene = folder / f"{name}.yaml"
     scene.write_text(SCENE, encoding="utf-8")
     found = render_reference.prepare_reference_scene(scene, folder / "references", {}, width)

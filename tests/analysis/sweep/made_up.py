@@ -1,10 +1,7 @@
 """A sweep that nobody rendered: pictures of noise, and numbers of which each is its own."""
 
-from pathlib import Path
-
 import numpy as np
 import PIL.Image
-from numpy.typing import NDArray
 
 from raytracer.analysis.sweep.results import Axis, PointResult, Sweep, SweepPoint
 
@@ -15,25 +12,16 @@ FOCUS = Axis("camera.focus_distance", (2.0, 5.0, 10.0), ("2", "5", "10"))
 ALBEDO = Axis("materials.<b>&amp;.albedo", ([1, 0, 0], [0, 1, 0]), ("[1,0,0]", "[0,1,0]"))
 
 
-def picture(point: SweepPoint) -> NDArray[np.uint8]:
-    """Noise of the point's own."""
+def picture(point):
     seed = sum(number * 10**place for place, number in enumerate(point.index))
     return np.random.default_rng(seed).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
 
 
-def images(taken: PointResult) -> NDArray[np.uint8] | None:
+def images(taken):
     return picture(taken.point) if taken.status == "done" else None
 
 
-def made_up(
-    folder: Path | None,
-    axes: tuple[Axis, ...] = (F_NUMBER, FOCUS),
-    *,
-    zipped: bool = False,
-    failed: tuple[tuple[int, ...], ...] = (),
-    missing: tuple[tuple[int, ...], ...] = (),
-) -> Sweep:
-    """A sweep whose pictures are files in `folder`, if there is one."""
+def made_up(folder, axes=(F_NUMBER, FOCUS), *, zipped=False, failed=(), missing=()):
     shape = (len(axes[0].values),) if zipped else tuple(len(axis.values) for axis in axes)
     taken = []
     for number, place in enumerate(np.ndindex(shape)):
@@ -52,7 +40,7 @@ def made_up(
     return Sweep("scene.yaml", axes, zipped, tuple(taken), folder)
 
 
-def _done(point: SweepPoint, number: int) -> PointResult:
+def _done(point, number):
     return PointResult(
         point,
         "done",

@@ -8,17 +8,16 @@ import PIL.Image
 import pytest
 
 from raytracer.analysis.sweep import contact_sheet
-from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
+from raytracer.analysis.sweep.results import Axis
 from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up, picture
 
 
-def drawn(sweep: Sweep) -> np.ndarray:
+def drawn(sweep):
     with PIL.Image.open(io.BytesIO(contact_sheet.contact_sheet(sweep, images))) as file:
         return np.asarray(file)
 
 
-def places(sweep: Sweep) -> dict[tuple[int, ...], tuple[int, int]]:
-    """Row and column where each picture is found, pixel for pixel."""
+def places(sweep):
     whole = drawn(sweep)
     found = {}
     for taken in sweep.results:
@@ -35,34 +34,24 @@ def places(sweep: Sweep) -> dict[tuple[int, ...], tuple[int, int]]:
     return found
 
 
-def test_two_axes_are_rows_and_columns() -> None:
+def test_two_axes_are_rows_and_columns_with_heads_beside_and_above():
     sweep = made_up(None, failed=((2, 1),))
-    found = places(sweep)
+    found, ink = places(sweep), np.any(drawn(sweep) < 128, axis=-1)
     assert len(found) == 11
     rows = [{found[row, column][0] for column in range(3) if (row, column) in found} for row in range(4)]
     columns = [{found[row, column][1] for row in range(4) if (row, column) in found} for column in range(3)]
     assert all(len(line) == 1 for line in (*rows, *columns))
     for lines, size in ((rows, HEIGHT), (columns, WIDTH)):
         assert all(max(a) + size <= min(b) for a, b in pairwise(lines))
-
-
-def test_heads_stand_beside_their_rows_and_over_their_columns() -> None:
-    """Words are ink on white: some left of each row, above each column, and none elsewhere but in the title."""
-    sweep = made_up(None)
-    found, ink = places(sweep), np.any(drawn(sweep) < 128, axis=-1)
+    # Words are ink on white: some left of each row, above each column, and none below.
     top, left = found[0, 0]
-    for row in range(4):
-        first = found[row, 0][0]
-        assert ink[first : first + HEIGHT, :left].any()
-    for column in range(3):
-        first = found[0, column][1]
-        assert ink[top - 40 : top, first : first + WIDTH].any()
-    bottom = found[3, 2][0] + HEIGHT
-    assert not ink[bottom:].any()
+    assert all(ink[first : first + HEIGHT, :left].any() for (first,) in rows)
+    assert all(ink[top - 40 : top, first : first + WIDTH].any() for (first,) in columns)
+    assert not ink[found[3, 2][0] + HEIGHT :].any()
 
 
 @pytest.mark.parametrize("zipped", [False, True])
-def test_one_axis_fills_rows(zipped: bool) -> None:
+def test_one_axis_fills_rows(zipped):
     axis = Axis("camera.f_number", (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0), tuple("1234567"))
     axes = (axis, axis._replace(key="camera.iso")) if zipped else (axis,)
     sweep = made_up(None, axes, zipped=zipped)
@@ -75,22 +64,7 @@ def test_one_axis_fills_rows(zipped: bool) -> None:
     assert all(ink[row + HEIGHT : row + HEIGHT + 20, column : column + WIDTH].any() for row, column in order)
 
 
-def test_of_three_axes_each_value_of_the_first_has_a_table() -> None:
-    found = places(made_up(None, (ALBEDO, F_NUMBER, FOCUS)))
-    assert len(found) == 24
-    offsets = {
-        tuple(np.subtract(found[1, row, column], found[0, row, column])) for row in range(4) for column in range(3)
-    }
-    assert len(offsets) == 1
-
-
-@pytest.mark.parametrize("text", ["x" * 400, "tab\tand\nline", ""])
-def test_long_names_are_cut_and_lines_are_one(text: str) -> None:
-    axis = F_NUMBER._replace(labels=(text, "2", "2.8", "4"))
-    assert len(places(made_up(None, (axis, FOCUS)))) == 12
-
-
-def test_a_sheet_of_many_large_pictures_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sheet_of_many_large_pictures_is_bounded(monkeypatch):
     monkeypatch.setattr(contact_sheet, "_AREA", 1.0e6)
     axes = tuple(Axis(f"a.{name}", tuple(range(10)), tuple("0123456789")) for name in "xy")
     large = np.zeros((480, 640, 3), dtype=np.uint8)
@@ -102,12 +76,27 @@ def test_a_sheet_of_many_large_pictures_is_bounded(monkeypatch: pytest.MonkeyPat
     assert contact_sheet.draw_sheet(made_up(None, axes), lambda taken: large).width > 10 * 96
 
 
-def test_pictures_of_other_sizes_keep_their_shape() -> None:
+def test_of_three_axes_each_value_of_the_first_has_a_table():
+    found = places(made_up(None, (ALBEDO, F_NUMBER, FOCUS)))
+    assert len(found) == 24
+    offsets = {
+        tuple(np.subtract(found[1, row, column], found[0, row, column])) for row in range(4) for column in range(3)
+    }
+    assert len(offsets) == 1
+
+
+@pytest.mark.parametrize("text", ["x" * 400, "tab\tand\nline", ""])
+def test_long_names_are_cut_and_lines_are_one(text):
+    axis = F_NUMBER._replace(labels=(text, "2", "2.8", "4"))
+    assert len(places(made_up(None, (axis, FOCUS)))) == 12
+
+
+def test_pictures_of_other_sizes_keep_their_shape():
     """All are fitted into the first one's place."""
     sizes = {1.4: (90, 160), 2.0: (160, 90), 2.8: (20, 20), 4.0: (45, 80)}
     colors = {1.4: (200, 0, 0), 2.0: (0, 200, 0), 2.8: (0, 0, 200), 4.0: (200, 0, 200)}
 
-    def of_its_size(taken: PointResult) -> np.ndarray:
+    def of_its_size(taken):
         f_number = taken.point.values["camera.f_number"]
         return np.full((*sizes[f_number], 3), colors[f_number], dtype=np.uint8)
 
@@ -117,5 +106,5 @@ def test_pictures_of_other_sizes_keep_their_shape() -> None:
     assert shapes == {1.4: (90, 160), 2.0: (90, 51), 2.8: (90, 90), 4.0: (90, 160)}
 
 
-def test_a_sheet_of_nothing_says_so() -> None:
+def test_a_sheet_of_nothing_says_so():
     assert drawn(made_up(None, (F_NUMBER,), failed=((0,), (1,), (2,), (3,)))).shape[0] > 180

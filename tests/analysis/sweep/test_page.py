@@ -1,11 +1,7 @@
 """The page of a sweep in a browser: what is chosen is what is seen, and the numbers are those of the sweep."""
 
 import dataclasses
-import io
 import json
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import PIL.Image
@@ -14,33 +10,29 @@ import pytest
 from raytracer.analysis.sweep.manifest import write_manifest
 from raytracer.analysis.sweep.page import page as page_of
 from raytracer.analysis.sweep.page import point_numbers as numbers_of
-from raytracer.analysis.sweep.plan import enumerate_points
-from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
+from raytracer.analysis.sweep.results import PointResult
 from raytracer.analysis.sweep.run import sweep as rendered
 from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up
-
-Open = Callable[..., Any]
 
 AT = "#camera.f_number={}&camera.focus_distance={}"
 
 
+def write_page(made):
+    (made.folder / "index.html").write_bytes(page_of(made, images))
+
+
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
+def sweep(tmp_path_factory):
     made = made_up(tmp_path_factory.mktemp("sweep"), failed=((2, 1),), missing=((3, 2),))
     write_page(made)
     return made
 
 
-def write_page(made: Sweep) -> None:
-    """Write the page beside the pictures, as `output_layout` does."""
-    (made.folder / "index.html").write_bytes(page_of(made, images))
-
-
 @pytest.fixture
-def opened(sweep: Sweep, open_page: Open) -> Callable[..., Any]:
+def opened(sweep, open_page):
     """The page, at a #fragment or not, once its first picture is there."""
 
-    def opened(fragment: str = "", **settings: Any) -> Any:
+    def opened(fragment="", **settings):
         page = open_page(sweep.folder / "index.html", fragment, **settings)
         page.locator("body[data-shown]").wait_for()
         return page
@@ -48,11 +40,11 @@ def opened(sweep: Sweep, open_page: Open) -> Callable[..., Any]:
     return opened
 
 
-def at(sweep: Sweep, *index: int) -> PointResult:
+def at(sweep, *index):
     return next(taken for taken in sweep.results if taken.point.index == index)
 
 
-def seen(page: Any, side: str = "left") -> np.ndarray:
+def seen(page, side="left"):
     """The picture that lies to one side of the divider, uint8 (height, width, 3)."""
     width, height, values = page.evaluate(
         """(side) => {
@@ -65,19 +57,17 @@ def seen(page: Any, side: str = "left") -> np.ndarray:
     return np.reshape(np.array(values, dtype=np.uint8), (height, width, 4))[..., :3]
 
 
-def in_file(sweep: Sweep, *index: int) -> np.ndarray:
-    """The picture of a point as its file holds it."""
+def in_file(sweep, *index):
     with PIL.Image.open(sweep.folder / at(sweep, *index).files[0]) as file:
         return np.asarray(file)
 
 
-def wait(page: Any, *points: PointResult) -> None:
-    """Until the pictures of these points are shown."""
+def wait(page, *points):
     names = " | ".join(taken.point.name for taken in points)
     page.locator(f'body[data-shown="{names}"]').wait_for()
 
 
-def numbers(page: Any, side: str = "a") -> dict[str, str]:
+def numbers(page, side="a"):
     """Read the table beside the picture, in full, by the numbers' keys."""
     return page.evaluate(
         """(side) => Object.fromEntries([...document.querySelectorAll("#differing tr[data-key], #same tr[data-key]")]
@@ -86,83 +76,7 @@ def numbers(page: Any, side: str = "a") -> dict[str, str]:
     )
 
 
-def test_sliders_choose_the_picture(opened: Callable[..., Any], sweep: Sweep) -> None:
-    page = opened()
-    np.testing.assert_array_equal(seen(page), in_file(sweep, 0, 0))
-    aperture = page.get_by_role("slider", name="f_number, point A")
-    aperture.fill("3")
-    wait(page, at(sweep, 3, 0))
-    np.testing.assert_array_equal(seen(page), in_file(sweep, 3, 0))
-    focus = page.get_by_role("slider", name="focus_distance, point A")
-    focus.press("ArrowRight")
-    wait(page, at(sweep, 3, 1))
-    np.testing.assert_array_equal(seen(page), in_file(sweep, 3, 1))
-    assert [aperture.get_attribute("aria-valuetext"), focus.get_attribute("aria-valuetext")] == ["4", "5"]
-    assert page.locator("#sliders output.a").all_inner_texts() == ["4", "5"]
-
-
-def test_all_pictures_are_at_hand_before_they_are_asked_for(opened: Callable[..., Any], sweep: Sweep) -> None:
-    """Once all is decoded, what a slider chooses is drawn before its event is over."""
-    page = opened()
-    page.evaluate("Promise.all(points.map((point) => gallery.decode(point)))")
-    shown = page.evaluate(
-        """() => {
-          const slider = document.querySelector("input.a");
-          slider.value = 1;
-          slider.dispatchEvent(new Event("input"));
-          return document.body.dataset.shown;
-        }"""
-    )
-    assert shown == at(sweep, 1, 0).point.name
-
-
-def test_the_numbers_are_those_of_the_manifest(opened: Callable[..., Any], sweep: Sweep, tmp_path: Path) -> None:
-    write_manifest(sweep, tmp_path)
-    points = json.loads((tmp_path / "manifest.json").read_bytes())["points"]
-    for index in ((0, 1), (1, 0)):
-        (point,) = (point for point in points if tuple(point["index"]) == index)
-        told = numbers(opened(AT.format(*labels(index))))
-        del told["files"]
-        assert {key: float(value) for key, value in told.items()} == {
-            "samples": point["samples"],
-            "error": pytest.approx(100.0 * point["error"]["relative"]),
-            "render_seconds": point["seconds"]["render"],
-            "seconds": point["seconds"]["total"],
-            "rays": point["rays"],
-            **point["exposure"],
-            **{key: float(value) for key, value in point["camera"].items()},
-        }
-
-
-def labels(index: tuple[int, ...]) -> tuple[str, ...]:
-    return tuple(axis.labels[number] for axis, number in zip((F_NUMBER, FOCUS), index, strict=True))
-
-
-def test_a_metered_picture_has_the_light_that_was_metered() -> None:
-    # f/2 and 1/125 s at ISO 1600, which the metering chose: log2(4 * 125 * 100 / 1600), where at ISO 100 it were 8.97.
-    point = enumerate_points([Axis("camera.f_number", (2.0,), ("2",))])[0]
-    taken = PointResult(
-        point, "done", camera={"ev100": 8.966, "vfov_deg": 20.0}, exposure={"iso": 1600.0, "ev100": 4.966}
-    )
-    assert numbers_of(taken)["ev100"] == 4.966
-    assert numbers_of(taken)["vfov_deg"] == 20.0
-
-
-def test_numbers_are_short_and_say_their_units(opened: Callable[..., Any]) -> None:
-    page = opened(AT.format("1.4", "5"))
-    rows = {row.get_attribute("data-key"): row.inner_text().split("\t") for row in page.locator("#differing tr").all()}
-    assert rows["error"][0] == "relative error"
-    assert [rows["error"][1], rows["error"][-1]] == ["1.33", "%"]
-    assert [rows["far_limit_m"][1], rows["far_limit_m"][-1]] == ["13.35", "m"]
-    assert rows["rays"][1] == "123,456,790"
-    # What no point changes is told apart.
-    assert "vfov_deg" not in rows
-    assert "horizontal" not in page.locator("#same").inner_text()
-    page.locator("#same summary").click()
-    assert page.locator("#same tr[data-key=vfov_deg]").inner_text().split("\t") == ["vertical field of view", "20", "°"]
-
-
-def test_a_failed_point_says_why(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_a_failed_point_says_why(opened, sweep):
     page = opened(AT.format("2.8", "5"))
     assert page.locator("#trouble").inner_text() == f"failed: {at(sweep, 2, 1).reason}"
     assert "1 of 12 points failed." in page.locator("#notes").inner_text()
@@ -176,15 +90,7 @@ def test_a_failed_point_says_why(opened: Callable[..., Any], sweep: Sweep) -> No
     np.testing.assert_array_equal(seen(page), in_file(sweep, 2, 2))
 
 
-def test_arrow_keys_go_along_rows_and_columns(opened: Callable[..., Any], sweep: Sweep) -> None:
-    page = opened()
-    for key, index in (("ArrowDown", (1, 0)), ("ArrowRight", (1, 1)), ("ArrowUp", (0, 1)), ("ArrowUp", (0, 1))):
-        page.keyboard.press(key)
-        wait(page, at(sweep, *index))
-    assert page.get_by_role("slider", name="focus_distance, point A").input_value() == "1"
-
-
-def test_a_picture_of_the_overview_is_chosen_by_a_click(opened: Callable[..., Any], sweep: Sweep) -> None:
+def test_a_picture_of_the_overview_is_chosen_by_a_click(opened, sweep):
     page = opened()
     cells = page.locator("#overview .cell")
     assert cells.count() == 12
@@ -198,42 +104,7 @@ def test_a_picture_of_the_overview_is_chosen_by_a_click(opened: Callable[..., An
     assert cells.nth(7).inner_text() == "failed"
 
 
-def test_two_points_are_wiped(opened: Callable[..., Any], sweep: Sweep) -> None:
-    page = opened(AT.format("1.4", "10"))
-    assert not page.locator(".wipe-divider").is_visible()
-    page.get_by_role("button", name="Compare").click()
-    wait(page, at(sweep, 0, 2), at(sweep, 3, 2))
-    page.get_by_role("slider", name="f_number, point B").fill("1")
-    wait(page, at(sweep, 0, 2), at(sweep, 1, 2))
-    np.testing.assert_array_equal(seen(page, "left"), in_file(sweep, 0, 2))
-    np.testing.assert_array_equal(seen(page, "right"), in_file(sweep, 1, 2))
-    assert float(numbers(page, "b")["seconds"]) == at(sweep, 1, 2).seconds["total"]
-    assert page.locator(".wipe-label").all_inner_texts() == [
-        "A: f_number 1.4, focus_distance 10",
-        "B: f_number 2, focus_distance 10",
-    ]
-
-    # On the screen the one ends where the other begins: eight pixels for each, so that a pixel is an even patch.
-    page.get_by_role("button", name="8:1").click()
-    view, divider = page.locator(".wipe-view"), page.locator(".wipe-divider")
-    box, grip = view.bounding_box(), divider.bounding_box()
-    page.mouse.move(grip["x"] + grip["width"] / 2, grip["y"] + grip["height"] / 2)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 16 * 8, box["y"] + 100, steps=3)
-    page.mouse.up()
-    screen = np.asarray(PIL.Image.open(io.BytesIO(view.screenshot())).convert("RGB"))
-    middles = screen[4::8, 4::8][-4:]
-    np.testing.assert_array_equal(middles[:, :14], in_file(sweep, 0, 2)[-4:, :14])
-    np.testing.assert_array_equal(middles[:, 18:], in_file(sweep, 1, 2)[-4:, 18:])
-
-    page.keyboard.press("x")
-    wait(page, at(sweep, 1, 2), at(sweep, 0, 2))
-    page.keyboard.press("c")
-    wait(page, at(sweep, 1, 2))
-
-
-def test_the_address_says_what_is_seen(opened: Callable[..., Any], sweep: Sweep) -> None:
-    """What is sent to somebody else is what they see."""
+def test_the_address_says_what_is_seen(opened, sweep):
     page = opened(AT.format("2", "5") + "&vs.camera.f_number=1.4&vs.camera.focus_distance=10")
     wait(page, at(sweep, 1, 1), at(sweep, 0, 2))
     page.get_by_role("slider", name="f_number, point A").fill("0")
@@ -245,33 +116,8 @@ def test_the_address_says_what_is_seen(opened: Callable[..., Any], sweep: Sweep)
     wait(page, at(sweep, 1, 1), at(sweep, 0, 2))
 
 
-def test_the_table_of_all_points_is_sorted(opened: Callable[..., Any], sweep: Sweep) -> None:
-    page = opened()
-    page.get_by_text("Numbers of all points").click()
-    head = page.locator("#all th[title=far_limit_m] button")
-    head.click()
-    column = [row.split("\t") for row in page.locator("#all tbody tr").all_inner_texts()]
-    limits = [float(row[8]) for row in column if row[2] == ""]
-    known = sorted(taken.camera["far_limit_m"] for taken in sweep.results if taken.status == "done")
-    np.testing.assert_allclose(limits, known, rtol=1e-3)
-    head.click()
-    assert page.locator("#all tbody tr").nth(0).inner_text().split("\t")[8] == "inf"
-    page.locator("#all tbody tr").nth(0).click()
-    assert page.locator("#all tbody tr[data-at=a]").count() == 1
-
-
-def test_it_runs_through_the_values(opened: Callable[..., Any], sweep: Sweep) -> None:
-    page = opened()
-    play = page.get_by_role("button", name="run through focus_distance")
-    play.click()
-    for index in ((0, 1), (0, 2), (0, 1)):
-        wait(page, at(sweep, *index))
-    play.click()
-    assert play.get_attribute("aria-pressed") == "false"
-
-
 @pytest.mark.parametrize("size", [(360, 640), (1600, 900)])
-def test_nothing_is_wider_than_the_window(opened: Callable[..., Any], size: tuple[int, int]) -> None:
+def test_nothing_is_wider_than_the_window(opened, size):
     page = opened(AT.format("1.4", "5") + "&vs.camera.f_number=2", size=size, color_scheme="dark")
     assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
     dark = page.evaluate("getComputedStyle(document.body).backgroundColor")
@@ -280,8 +126,7 @@ def test_nothing_is_wider_than_the_window(opened: Callable[..., Any], size: tupl
     assert (sliders["y"] > picture["y"] + picture["height"]) == (size[0] < 800)
 
 
-def test_names_are_text(open_page: Open, tmp_path: Path) -> None:
-    """Whatever a scene calls its parts, and whatever goes wrong, is shown as it is written."""
+def test_names_are_text(open_page, tmp_path):
     made = made_up(tmp_path, (ALBEDO, F_NUMBER, FOCUS), failed=((0, 0, 0),))
     made = dataclasses.replace(made, scene="/home/me/<b>&amp;.yaml")
     write_page(made)
@@ -299,7 +144,118 @@ def test_names_are_text(open_page: Open, tmp_path: Path) -> None:
     wait(page, at(made, 0, 2, 0))
 
 
-def test_zipped_axes_have_one_slider(open_page: Open, tmp_path: Path) -> None:
+def test_sliders_and_keys_choose_the_picture(opened, sweep):
+    page = opened()
+    aperture, focus = (page.get_by_role("slider", name=f"{name}, point A") for name in ("f_number", "focus_distance"))
+    np.testing.assert_array_equal(seen(page), in_file(sweep, 0, 0))
+    aperture.fill("3")
+    wait(page, at(sweep, 3, 0))
+    np.testing.assert_array_equal(seen(page), in_file(sweep, 3, 0))
+    focus.press("ArrowRight")
+    wait(page, at(sweep, 3, 1))
+    assert [aperture.get_attribute("aria-valuetext"), focus.get_attribute("aria-valuetext")] == ["4", "5"]
+    assert page.locator("#sliders output.a").all_inner_texts() == ["4", "5"]
+    # Outside of sliders, arrows go along rows and columns.
+    focus.evaluate("one => one.blur()")
+    for key, *index in (("Left", 3, 0), ("Up", 2, 0), ("Down", 3, 0), ("Up", 2, 0), ("Up", 1, 0), ("Left", 1, 0)):
+        page.keyboard.press(f"Arrow{key}")
+        wait(page, at(sweep, *index))
+    # It runs through the values by itself.
+    play = page.get_by_role("button", name="run through focus_distance")
+    play.click()
+    for index in ((1, 1), (1, 2), (1, 1)):
+        wait(page, at(sweep, *index))
+    play.click()
+    assert play.get_attribute("aria-pressed") == "false"
+
+
+def test_the_numbers_are_those_of_the_manifest(opened, sweep, tmp_path):
+    write_manifest(sweep, tmp_path)
+    points = json.loads((tmp_path / "manifest.json").read_bytes())["points"]
+    page = opened(AT.format("1.4", "5"))
+    (point,) = (point for point in points if point["index"] == [0, 1])
+    told = numbers(page)
+    del told["files"]
+    assert {key: float(value) for key, value in told.items()} == {
+        "samples": point["samples"],
+        "error": pytest.approx(100.0 * point["error"]["relative"]),
+        "render_seconds": point["seconds"]["render"],
+        "seconds": point["seconds"]["total"],
+        "rays": point["rays"],
+        **point["exposure"],
+        **{key: float(value) for key, value in point["camera"].items()},
+    }
+    # They are short and say their units.
+    rows = {row.get_attribute("data-key"): row.inner_text().split("\t") for row in page.locator("#differing tr").all()}
+    assert rows["error"][0] == "relative error"
+    assert [rows["error"][1], rows["error"][-1]] == ["1.33", "%"]
+    assert [rows["far_limit_m"][1], rows["far_limit_m"][-1]] == ["13.35", "m"]
+    assert rows["rays"][1] == "123,456,790"
+    # What no point changes is told apart.
+    assert "vfov_deg" not in rows
+    assert "horizontal" not in page.locator("#same").inner_text()
+    page.locator("#same summary").click()
+    assert page.locator("#same tr[data-key=vfov_deg]").inner_text().split("\t") == ["vertical field of view", "20", "°"]
+
+
+def test_two_points_are_wiped(opened, sweep):
+    page = opened(AT.format("1.4", "10"))
+    assert not page.locator(".wipe-divider").is_visible()
+    page.get_by_role("button", name="Compare").click()
+    wait(page, at(sweep, 0, 2), at(sweep, 3, 2))
+    page.get_by_role("slider", name="f_number, point B").fill("1")
+    wait(page, at(sweep, 0, 2), at(sweep, 1, 2))
+    np.testing.assert_array_equal(seen(page, "left"), in_file(sweep, 0, 2))
+    np.testing.assert_array_equal(seen(page, "right"), in_file(sweep, 1, 2))
+    assert float(numbers(page, "b")["seconds"]) == at(sweep, 1, 2).seconds["total"]
+    words = ["A: f_number 1.4, focus_distance 10", "B: f_number 2, focus_distance 10"]
+    assert page.locator(".wipe-label").all_inner_texts() == words
+    page.keyboard.press("x")
+    wait(page, at(sweep, 1, 2), at(sweep, 0, 2))
+    page.keyboard.press("c")
+    wait(page, at(sweep, 1, 2))
+
+
+def test_numbers_are_those_that_were_metered_and_a_page_needs_no_picture():
+    # f/2 and 1/125 s at ISO 1600, which the metering chose: log2(4 * 125 * 100 / 1600), where at ISO 100 it were 8.97.
+    made = made_up(None, (F_NUMBER,), failed=((0,), (1,), (2,), (3,)))
+    camera, exposure = {"ev100": 8.966, "vfov_deg": 20.0}, {"iso": 1600.0, "ev100": 4.966}
+    taken = PointResult(made.results[0].point, "done", camera=camera, exposure=exposure)
+    assert {"ev100": 4.966, "vfov_deg": 20.0}.items() <= numbers_of(taken).items()
+    assert b"4 of 4 points failed." in page_of(made, images)
+
+
+def test_all_pictures_are_at_hand_before_they_are_asked_for(opened, sweep):
+    """Once all is decoded, what a slider chooses is drawn before its event is over."""
+    page = opened()
+    page.evaluate("Promise.all(points.map((point) => gallery.decode(point)))")
+    shown = page.evaluate(
+        """() => {
+          const slider = document.querySelector("input.a");
+          slider.value = 1;
+          slider.dispatchEvent(new Event("input"));
+          return document.body.dataset.shown;
+        }"""
+    )
+    assert shown == at(sweep, 1, 0).point.name
+
+
+def test_the_table_of_all_points_is_sorted(opened, sweep):
+    page = opened()
+    page.get_by_text("Numbers of all points").click()
+    head = page.locator("#all th[title=far_limit_m] button")
+    head.click()
+    column = [row.split("\t") for row in page.locator("#all tbody tr").all_inner_texts()]
+    limits = [float(row[8]) for row in column if row[2] == ""]
+    known = sorted(taken.camera["far_limit_m"] for taken in sweep.results if taken.status == "done")
+    np.testing.assert_allclose(limits, known, rtol=1e-3)
+    head.click()
+    assert page.locator("#all tbody tr").nth(0).inner_text().split("\t")[8] == "inf"
+    page.locator("#all tbody tr").nth(0).click()
+    assert page.locator("#all tbody tr[data-at=a]").count() == 1
+
+
+def test_zipped_axes_have_one_slider(open_page, tmp_path):
     focus = FOCUS._replace(values=(2.0, 5.0, 10.0, 20.0), labels=("2", "5", "10", "20"))
     made = made_up(tmp_path, (F_NUMBER, focus), zipped=True)
     write_page(made)
@@ -310,6 +266,19 @@ def test_zipped_axes_have_one_slider(open_page: Open, tmp_path: Path) -> None:
     wait(page, at(made, 2, 2))
     assert page.locator("#sliders output.a").inner_text() == "2.8, 10"
     np.testing.assert_array_equal(seen(page), in_file(made, 2, 2))
+
+
+def test_many_pixels_are_held_smaller(monkeypatch):
+    """What a browser could not hold becomes as many pixels as it can, and the page says so."""
+    made = made_up(None)
+    exact = page_of(made, images)
+    monkeypatch.setattr("raytracer.analysis.sweep.page._EXACT_PIXELS", 1.0)
+    monkeypatch.setattr("raytracer.analysis.sweep.page._MOST_PIXELS", 12 * WIDTH * HEIGHT / 4)
+    smaller = page_of(made, images)
+    assert len(smaller) < len(exact)
+    assert b"scaled to 50 % and compressed" in smaller
+    assert b"compressed" not in exact
+    assert f'"size":[{WIDTH // 2},{HEIGHT // 2}]'.encode() in smaller
 
 
 SCENE = """
@@ -323,7 +292,7 @@ objects: [{type: sphere, center: [0, 0, 0], radius: 1, material: grey}]
 
 
 @pytest.mark.slow
-def test_a_sweep_that_was_rendered(open_page: Open, tmp_path: Path) -> None:
+def test_a_sweep_that_was_rendered(open_page, tmp_path):
     """From the command line's function to the screen: pictures are the files', numbers the manifest's."""
     (tmp_path / "ball.yaml").write_text(SCENE)
     values = {"camera.f_number": "1.4,8", "camera.focus_distance": "2:5:2"}
@@ -341,24 +310,3 @@ def test_a_sweep_that_was_rendered(open_page: Open, tmp_path: Path) -> None:
             key: float(value) for key, value in point["camera"].items()
         }
         assert float(told["seconds"]) == point["seconds"]["total"]
-
-
-# ---- without a browser ----
-
-
-def test_many_pixels_are_held_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a browser could not hold becomes as many pixels as it can, and the page says so."""
-    made = made_up(None)
-    exact = page_of(made, images)
-    monkeypatch.setattr("raytracer.analysis.sweep.page._EXACT_PIXELS", 1.0)
-    monkeypatch.setattr("raytracer.analysis.sweep.page._MOST_PIXELS", 12 * WIDTH * HEIGHT / 4)
-    smaller = page_of(made, images)
-    assert len(smaller) < len(exact)
-    assert b"scaled to 50 % and compressed" in smaller
-    assert b"compressed" not in exact
-    assert f'"size":[{WIDTH // 2},{HEIGHT // 2}]'.encode() in smaller
-
-
-def test_a_sweep_without_any_picture_has_a_page() -> None:
-    made = made_up(None, (F_NUMBER,), failed=((0,), (1,), (2,), (3,)))
-    assert b"4 of 4 points failed." in page_of(made, images)

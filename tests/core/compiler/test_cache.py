@@ -4,7 +4,6 @@ import ast
 import os
 import re
 import sys
-from collections.abc import Callable
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 
@@ -15,50 +14,44 @@ from raytracer.core.compiler import cache
 from raytracer.core.compiler.dispatch import entry
 
 
-def _package(folder: Path) -> Path:
-    (folder / "core" / "sub").mkdir(parents=True)
-    (folder / "core" / "a.py").write_text("x = 1\n")
-    (folder / "core" / "sub" / "b.py").write_text("y = 1\n")
-    return folder
-
-
-def test_any_edited_source_makes_another_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sources_of_kernels_and_numba_make_another_cache_and_others_do_not(tmp_path, monkeypatch):
     # Numba looks at the file of the function it caches, not at those of the functions it calls.
-    package = _package(tmp_path / "package")
-    monkeypatch.setattr(cache, "_PACKAGE", package)
-    seen = {cache._source_hash()}
-    assert cache._source_hash() in seen
+    monkeypatch.setattr(cache, "_PACKAGE", tmp_path)
+    (tmp_path / "core" / "sub").mkdir(parents=True)
+    (tmp_path / "cli").mkdir()
+    a, b, c = (tmp_path / "core" / name for name in ("a.py", "sub/b.py", "sub/c.py"))
+    a.write_text("x = 1\n")
+    b.write_text("y = 1\n")
+    before = cache._source_hash()
+    (tmp_path / "cli" / "a.py").write_text("z = 1\n")
+    assert cache._source_hash() == before
+    # Without importing it: a kernel that is there needs no compiler.
+    numba = tmp_path / "numba" / "__init__.py"
+    numba.parent.mkdir()
+    numba.with_name("_version.py").write_text("version = '0.0.1'\n")
+    seen = {before}
     for change in (
-        lambda: (package / "core" / "sub" / "b.py").write_text("y = 2\n"),
-        (package / "core" / "sub" / "c.py").touch,
-        lambda: (package / "core" / "sub" / "c.py").rename(package / "core" / "c.py"),
+        lambda: b.write_text("y = 2\n"),
+        c.touch,
+        lambda: c.rename(a.with_name("c.py")),
+        lambda: monkeypatch.setattr("importlib.util.find_spec", lambda name: ModuleSpec(name, None, origin=str(numba))),
     ):
         change()
-        digest = cache._source_hash()
-        assert digest not in seen
-        seen.add(digest)
-
-
-def test_edits_above_the_kernels_leave_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    package = _package(tmp_path / "package")
-    monkeypatch.setattr(cache, "_PACKAGE", package)
-    before = cache._source_hash()
-    (package / "cli").mkdir()
-    (package / "cli" / "a.py").write_text("z = 1\n")
-    assert cache._source_hash() == before
+        assert cache._source_hash() not in seen
+        seen.add(cache._source_hash())
 
 
 _COMPILES = re.compile(r"from raytracer\.core\.compiler\.\w+ import .*\b(kernel|entry|generic|each|switch|share)\b")
 
 
-def test_kernels_are_where_the_cache_looks_for_them() -> None:
+def test_kernels_are_where_the_cache_looks_for_them():
     package = Path(raytracer.__file__).parent
     sources = {path: path.read_text(encoding="utf-8") for path in package.rglob("*.py")}
     packages = {path.relative_to(package).parts[0] for path, source in sources.items() if _COMPILES.search(source)}
     assert packages == set(cache.WITH_KERNELS)
 
 
-def test_kernels_use_nothing_that_the_cache_does_not_look_at() -> None:
+def test_kernels_use_nothing_that_the_cache_does_not_look_at():
     package = Path(raytracer.__file__).parent
     used = set()
     for path in (path for name in cache.WITH_KERNELS for path in (package / name).rglob("*.py")):
@@ -82,27 +75,16 @@ def test_kernels_use_nothing_that_the_cache_does_not_look_at() -> None:
 _OF_KERNELS = tuple(f"raytracer.{name}." for name in cache.WITH_KERNELS)
 
 
-def _compiles(decorator: ast.expr) -> bool:
+def _compiles(decorator):
     name = ast.unparse(decorator).split("(")[0].split(".")[-1]
     return name in {"kernel", "entry", "generic", "optional", "routine", "register"}
 
 
-def _is_stored(name: ast.Name) -> bool:
+def _is_stored(name):
     return isinstance(name.ctx, ast.Store)
 
 
-def test_other_numba_versions_have_another_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cache, "_PACKAGE", _package(tmp_path / "package"))
-    before = cache._source_hash()
-    other = tmp_path / "numba" / "__init__.py"
-    other.parent.mkdir()
-    other.with_name("_version.py").write_text("version = '0.0.1'\n")
-    # Without importing it: a kernel that is there needs no compiler.
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: ModuleSpec(name, None, origin=str(other)))
-    assert cache._source_hash() != before
-
-
-def test_the_processor_is_called_as_numba_calls_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_processor_is_called_as_numba_calls_it(monkeypatch):
     from numba.core.registry import cpu_target
 
     expected = " ".join(cpu_target.target_context.codegen().magic_tuple())
@@ -114,7 +96,7 @@ def test_the_processor_is_called_as_numba_calls_it(monkeypatch: pytest.MonkeyPat
         assert cache.processor() == expected
 
 
-def test_old_caches_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_old_caches_are_dropped(tmp_path, monkeypatch):
     monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(tmp_path))
     for age in range(8):
         folder = tmp_path / f"kernels-{age}"
@@ -128,39 +110,24 @@ def test_old_caches_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert left == sorted([current.name, "kernels-0", "kernels-1", "kernels-2", "something else"])
 
 
-def _locked(folder: Path) -> Path:
-    folder.chmod(0o500)
-    return folder / "cache"
-
-
-def _taken(folder: Path) -> Path:
-    (folder / "file").touch()
-    return folder / "file"
-
-
-def _dangling(folder: Path) -> Path:
-    (folder / "link").symlink_to(folder / "nowhere" / "at all")
-    return folder / "link"
-
-
-@pytest.mark.parametrize("place", [_locked, _taken, _dangling, lambda folder: folder / "a" / "b" / "c"])
-def test_wherever_the_cache_is_to_be_kernels_run(
-    place: Callable[[Path], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(place(tmp_path)))
+@pytest.mark.parametrize("place", ["locked/cache", "file", "link", "a/b/c"])
+def test_wherever_the_cache_is_to_be_kernels_run(place, tmp_path, monkeypatch):
+    (tmp_path / "locked").mkdir(0o500)
+    (tmp_path / "file").touch()
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere" / "at all")
+    monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(tmp_path / place))
     monkeypatch.setattr(cache, "CACHE_FOLDER", cache._make_cache_folder())
 
     @entry
-    def double(x: float) -> float:
+    def double(x):
         return 2.0 * x
 
     assert double(1.5) == 3.0
-    tmp_path.chmod(0o700)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="homes are found in another way there")
-def test_a_user_without_a_home_has_a_cache_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def no_home() -> Path:
+def test_a_user_without_a_home_has_a_cache_all_the_same(tmp_path, monkeypatch):
+    def no_home():
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.delenv("RAYTRACER_CACHE_DIR", raising=False)
@@ -170,7 +137,7 @@ def test_a_user_without_a_home_has_a_cache_all_the_same(tmp_path: Path, monkeypa
     assert cache._cache_root() == tmp_path / f"raytracer-{os.getuid()}"
 
 
-def test_cache_lies_where_each_system_keeps_caches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cache_lies_where_each_system_keeps_caches(tmp_path, monkeypatch):
     monkeypatch.delenv("RAYTRACER_CACHE_DIR", raising=False)
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)

@@ -1,6 +1,5 @@
 """The progress of a compilation, and what is kept of it for the next."""
 
-import json
 import os
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from raytracer.util.errors import InputError
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """Use an empty folder of kernels, and a clock that is moved by hand."""
     path = tmp_path / "cache" / "kernels-0"
     monkeypatch.setattr("raytracer.core.compiler.cache.CACHE_FOLDER", path)
@@ -24,13 +23,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+def clock(monkeypatch):
     now = [0.0]
     monkeypatch.setattr(compile_progress.time, "perf_counter", lambda: now[0])
     return now
 
 
-def test_parts_are_counted_against_those_of_the_last_kernel(clock: list[float]) -> None:
+def test_parts_are_counted_against_those_of_the_last_kernel(clock):
     compilation = Compilation()
     assert compilation.progress() is None
     with compilation.of("render_tile"):
@@ -59,7 +58,7 @@ def test_parts_are_counted_against_those_of_the_last_kernel(clock: list[float]) 
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b"[0, 1, 2]", b"[9, 2, 1]", b'{"a": 1}', b"[1, 2", b'["a", "b", "c"]'])
-def test_what_is_no_record_is_as_none(content: bytes, folder: Path) -> None:
+def test_what_is_no_record_is_as_none(content, folder):
     save_signed(folder / "render_tile.took", content)
     compilation = Compilation()
     with compilation.of("render_tile"):
@@ -67,7 +66,16 @@ def test_what_is_no_record_is_as_none(content: bytes, folder: Path) -> None:
     assert progress == CompileProgress(0, compile_progress._GUESS.parts, 0.0)
 
 
-def test_a_compilation_that_fails_is_over() -> None:
+def test_nobody_waits_for_an_entry_of_a_few_parts(folder, clock):
+    compilation = Compilation()
+    with compilation.of("small"):
+        compilation.add_part()
+        compilation.link()
+        clock[0] = 1.0
+    assert not list(folder.parent.rglob("small*"))
+
+
+def test_a_compilation_that_fails_is_over():
     compilation = Compilation()
     with pytest.raises(ValueError, match="no kernel"), compilation.of("render_tile"):
         raise ValueError("no kernel")
@@ -75,7 +83,7 @@ def test_a_compilation_that_fails_is_over() -> None:
     assert compilation.count == 0
 
 
-def test_who_waits_is_told_and_nobody_else() -> None:
+def test_who_waits_is_told_and_nobody_else():
     compilation, told, others = Compilation(), [], []
     with compilation.of("render_tile"):
         with watch_compilation(others.append):
@@ -89,7 +97,7 @@ def test_who_waits_is_told_and_nobody_else() -> None:
     assert others == []
 
 
-def test_the_cache_is_counted_and_cleared(folder: Path) -> None:
+def test_the_cache_is_counted_and_cleared(folder):
     assert cache_contents() == (folder.parent, 0, 0, 0, None)
 
     @entry
@@ -109,20 +117,9 @@ def test_the_cache_is_counted_and_cleared(folder: Path) -> None:
     assert (folder.parent / "mine.txt").read_text() == "keep"
 
 
-def test_a_cache_that_keeps_nothing_is_an_error(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cache_that_keeps_nothing_is_an_error(folder, monkeypatch):
     check_cache()
     assert list(folder.iterdir()) == []
     monkeypatch.setattr("raytracer.core.compiler.cache.CACHE_FOLDER", Path(__file__) / "kernels")
     with pytest.raises(InputError, match="compiled kernels cannot be kept there; RAYTRACER_CACHE_DIR names another"):
         check_cache()
-
-
-def test_a_record_is_json_that_others_can_read(folder: Path, clock: list[float]) -> None:
-    compilation = Compilation()
-    with compilation.of("small"):
-        compilation.add_part()
-        compilation.link()
-        clock[0] = 1.0
-    # Nobody waits for an entry of a few parts.
-    assert not list(folder.parent.rglob("small*"))
-    assert json.loads(json.dumps(compile_progress._GUESS)) == list(compile_progress._GUESS)

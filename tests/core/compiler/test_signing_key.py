@@ -3,7 +3,7 @@
 import os
 import sys
 import threading
-from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,7 +13,7 @@ from raytracer.core.compiler.signing_key import FILE_NAME, KEY_BYTES, NoKeyError
 _POSIX = pytest.mark.skipif(sys.platform == "win32", reason="modes say nothing there")
 
 
-def test_a_key_is_made_once_and_is_its_owners_alone(tmp_path: Path) -> None:
+def test_a_key_is_made_once_and_is_its_owners_alone(tmp_path):
     folder = tmp_path / "state" / "raytracer"
     before = os.umask(0)
     try:
@@ -29,82 +29,49 @@ def test_a_key_is_made_once_and_is_its_owners_alone(tmp_path: Path) -> None:
         assert folder.stat().st_mode & 0o777 == 0o700
 
 
-def test_all_who_make_it_at_once_have_the_same(tmp_path: Path) -> None:
-    keys: set[bytes] = set()
+def test_all_who_make_it_at_once_have_the_same(tmp_path):
     together = threading.Barrier(16)
 
-    def make(folder: Path) -> None:
+    def make(folder):
         together.wait()
-        keys.add(signing_key(folder))
+        return signing_key(folder)
 
-    for turn in range(8):
-        keys.clear()
-        threads = [threading.Thread(target=make, args=(tmp_path / f"{turn}",)) for _ in range(together.parties)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        assert keys == {(tmp_path / f"{turn}" / FILE_NAME).read_bytes()}
-        assert len(list((tmp_path / f"{turn}").iterdir())) == 1
+    with ThreadPoolExecutor(together.parties) as pool:
+        for turn in range(8):
+            folder = tmp_path / f"{turn}"
+            keys = {*pool.map(make, [folder] * together.parties)}
+            assert keys == {(folder / FILE_NAME).read_bytes()}
+            assert len(list(folder.iterdir())) == 1
 
 
-def _open_to_others(path: Path) -> None:
-    path.chmod(0o640)
-
-
-def _of_another(path: Path) -> None:
-    os.chown(path, 12345, -1)
-
-
-def _link(path: Path) -> None:
+def _link(path):
     path.rename(path.with_name("elsewhere"))
     path.symlink_to(path.with_name("elsewhere"))
 
 
-def _dangling(path: Path) -> None:
-    path.unlink()
-    path.symlink_to("nowhere")
-
-
-def _short(path: Path) -> None:
-    path.write_bytes(bytes(KEY_BYTES - 1))
-
-
-def _long(path: Path) -> None:
-    path.write_bytes(bytes(KEY_BYTES + 1))
-
-
-def _folder(path: Path) -> None:
-    path.unlink()
-    path.mkdir(mode=0o700)
-
-
-def _pipe(path: Path) -> None:
-    path.unlink()
-    os.mkfifo(path, 0o600)
+def _instead(make):
+    return lambda path: (path.unlink(), make(path))
 
 
 @_POSIX
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (_open_to_others, "is open to other users"),
+        (lambda path: path.chmod(0o640), "is open to other users"),
         pytest.param(
-            _of_another,
+            lambda path: os.chown(path, 12345, -1),
             "belongs to another user",
             marks=pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives away"),
         ),
         (_link, "is a link"),
-        (_dangling, "is a link"),
-        (_short, "does not hold 32 bytes"),
-        (_long, "does not hold 32 bytes"),
-        (_folder, "is not a regular file"),
-        (_pipe, "is not a regular file"),
+        (_instead(lambda path: path.symlink_to("nowhere")), "is a link"),
+        (lambda path: path.write_bytes(bytes(KEY_BYTES - 1)), "does not hold 32 bytes"),
+        (lambda path: path.write_bytes(bytes(KEY_BYTES + 1)), "does not hold 32 bytes"),
+        (_instead(lambda path: path.mkdir(mode=0o700)), "is not a regular file"),
+        (_instead(lambda path: os.mkfifo(path, 0o600)), "is not a regular file"),
     ],
 )
-def test_a_key_that_others_may_know_or_have_put_there_is_none(
-    spoil: Callable[[Path], None], words: str, tmp_path: Path
-) -> None:
+def test_a_key_that_others_may_know_or_have_put_there_is_none(spoil, words, tmp_path):
     signing_key(tmp_path)
     path = tmp_path / FILE_NAME
     spoil(path)
@@ -115,16 +82,14 @@ def test_a_key_that_others_may_know_or_have_put_there_is_none(
     assert path.lstat().st_ino == before.st_ino
 
 
-def test_where_none_can_be_kept_there_is_none(tmp_path: Path) -> None:
+def test_where_none_can_be_kept_there_is_none(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(NoKeyError, match=r"no signing key can be kept in .*file: "):
         signing_key(tmp_path / "file")
 
 
-def test_where_files_cannot_be_linked_a_key_is_kept_all_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: object) -> None:
+def test_where_files_cannot_be_linked_a_key_is_kept_all_the_same(tmp_path, monkeypatch):
+    def refuse(*_):
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr("os.link", refuse)
@@ -132,9 +97,7 @@ def test_where_files_cannot_be_linked_a_key_is_kept_all_the_same(
     assert [path.name for path in tmp_path.iterdir()] == [FILE_NAME]
 
 
-def test_the_key_lies_where_each_system_keeps_what_programs_know(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_key_lies_where_each_system_keeps_what_programs_know(tmp_path, monkeypatch):
     for name in ("RAYTRACER_KEY_DIR", "XDG_STATE_HOME", "LOCALAPPDATA"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
@@ -154,8 +117,8 @@ def test_the_key_lies_where_each_system_keeps_what_programs_know(
     assert key_folder() == tmp_path / "given"
 
 
-def test_a_user_without_a_home_has_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    def no_home() -> Path:
+def test_a_user_without_a_home_has_no_key(monkeypatch):
+    def no_home():
         raise RuntimeError("Could not determine home directory.")
 
     for name in ("RAYTRACER_KEY_DIR", "XDG_STATE_HOME", "LOCALAPPDATA"):

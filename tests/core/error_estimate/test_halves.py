@@ -58,24 +58,30 @@ SAMPLES = {
 }
 
 
-@pytest.mark.parametrize("sample", SAMPLES)
-def test_the_interval_of_independent_samples_holds_the_error_of_the_picture(sample):
-    truth, windows = _scene(48, 40), _windows(48, 40)
-    spp = 64 if sample == "even" else 512
-    covered, estimates, errors = 0, [], []
+def _covered(truth, windows, spp, draw, reference, steepest=1.5):
+    """How many intervals hold the error of the picture, the estimates, and the errors, by seed."""
+    held, counts = [], [spp] * len(windows)
     for seed in range(SEEDS):
-        means = _independent_means(np.random.default_rng(seed), truth, spp, SAMPLES[sample])
-        estimate = _estimator_of(means, windows, [spp] * len(windows), sampler_exponent("independent")).estimate(
-            [spp] * len(windows)
-        )
-        error = relative_error(means[spp], truth)
-        covered += estimate.low <= error <= estimate.high
-        estimates.append(estimate.error)
-        errors.append(error)
-        assert estimate.exponent == 1.0
-        assert estimate.samples == spp
+        means = draw(seed)
+        estimate = _estimator_of(means, windows, counts, steepest).estimate(counts)
+        error = relative_error(means[spp], reference)
+        held.append((estimate.low <= error <= estimate.high, estimate.error, error, estimate.exponent))
+    covered, estimates, errors, exponents = np.transpose(held)
+    return covered.sum(), estimates, errors, exponents
+
+
+@pytest.mark.parametrize(("sample", "spp"), [("even", 64), ("rare", 512)])
+def test_the_interval_of_independent_samples_holds_the_error_of_the_picture(sample, spp):
+    truth = _scene(48, 40)
+
+    def draw(seed):
+        return _independent_means(np.random.default_rng(seed), truth, spp, SAMPLES[sample])
+
+    steepest = sampler_exponent("independent")
+    covered, estimates, errors, exponents = _covered(truth, _windows(48, 40), spp, draw, truth, steepest)
     assert covered >= 34
     assert np.mean(estimates) == pytest.approx(np.mean(errors), rel=0.05)
+    assert (exponents == 1.0).all()
 
 
 def _sobol_means(seed, truth, spp, integrand):
@@ -100,16 +106,11 @@ def _edge(points, place):
 
 @pytest.mark.parametrize(("integrand", "spp"), [(_edge_and_noise, 32), (_edge_and_noise, 128), (_edge, 128)])
 def test_the_interval_of_the_sampler_of_renders_holds_the_error_of_the_picture(integrand, spp):
-    truth, windows = _scene(40, 24), _windows(40, 24)
+    truth = _scene(40, 24)
     many = np.mean([_sobol_means(1000 + i, truth, 1024, integrand)[1024] for i in range(4)], axis=0)
-    covered, estimates, errors = 0, [], []
-    for seed in range(SEEDS):
-        means = _sobol_means(seed, truth, spp, integrand)
-        estimate = _estimator_of(means, windows, [spp] * len(windows)).estimate([spp] * len(windows))
-        error = relative_error(means[spp], many)
-        covered += estimate.low <= error <= estimate.high
-        estimates.append(estimate.error)
-        errors.append(error)
+    covered, estimates, errors, _ = _covered(
+        truth, _windows(40, 24), spp, lambda seed: _sobol_means(seed, truth, spp, integrand), many
+    )
     assert covered >= 34
     # What noise in the weights may do grows with the error.
     expected = np.sqrt(np.mean(np.square(errors)))
@@ -229,10 +230,11 @@ def test_a_level_left_out_is_lost_and_no_other():
     assert late.estimate([128]) is not None
 
 
-def test_black_pictures():
+def test_pictures_without_noise_have_no_error_black_ones_too():
     windows = _windows(16, 16)
     black = {n: np.zeros((16, 16, 3)) for n in (8, 16, 32)}
-    assert _estimator_of(black, windows, [32]).estimate([32])[:3] == (0.0, 0.0, 0.0)
+    for same in (black, dict.fromkeys((8, 16, 32), _scene(16, 16))):
+        assert _estimator_of(same, windows, [32]).estimate([32])[:3] == (0.0, 0.0, 0.0)
 
     # Light that comes late: unknown until the scale is settled anew.
     lit = black | {32: np.eye(16)[..., None] * np.ones(3)}
@@ -241,11 +243,6 @@ def test_black_pictures():
     estimator.set_scale(lit[32])
     assert estimator.estimate([32]).error > 0.5
     assert estimator.estimate([32]).high > estimator.estimate([32]).error
-
-
-def test_pictures_without_noise_have_no_error():
-    same = {n: _scene(16, 16) for n in (8, 16, 32)}
-    assert _estimator_of(same, _windows(16, 16), [32]).estimate([32])[:3] == (0.0, 0.0, 0.0)
 
 
 def test_values_beyond_all_measure_leave_the_error_unknown():
@@ -264,7 +261,7 @@ def test_the_first_half_of_a_stratified_run_tells_an_upper_bound():
     assert _estimator_of(means, windows, [spp] * 4).estimate([spp] * 4).error > relative_error(means[spp], truth)
 
 
-def test_a_single_pixel_tells_little() -> None:
+def test_a_single_pixel_tells_little():
     # The square of one normal difference is chi-square of one degree.
     rng = np.random.default_rng(5)
     samples = 1.0 + 0.5 * rng.standard_normal(64)

@@ -1,20 +1,21 @@
 """Primitives that move, against the same primitives where they are at the ray's time."""
 
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from raytracer.core.embree import Accel
 from raytracer.core.geometry import pad_buffer
-from raytracer.core.primitives.base.interface import areas, concatenate, geometry, group_key
+from raytracer.core.primitives.base.interface import areas, concatenate, geometry, group_key, reproject_at_time_any
 from raytracer.core.primitives.discs import Discs
 from raytracer.core.primitives.parallelograms import Parallelograms
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.core.primitives.translated import translate_table
 from raytracer.core.primitives.triangles import DeformingSmoothTriangles, DeformingTriangles, SmoothTriangles, Triangles
-from tests.core.motion.kernels import cast, sample, self_hits
-from tests.plugins.shapes.kernels import uniform_directions, unit
+from tests.plugins.shapes.kernels import Stage, leave, sample_on, trace, uniform_directions, unit
+from tests.vectorised import rows, vectorised
 
 Array = NDArray[np.float64]
 
@@ -24,25 +25,25 @@ CORNERS = np.array([[0.1, 0.0, 0.2], [1.1, 0.5, 0.2], [0.1, 1.0, 0.5]])
 BENT = unit([[0.1, 0, 1], [-0.3, 0.2, 1], [0, 0.4, 1]])
 
 
-def sphere(offset: Any = (0, 0, 0), radius: float = 0.8) -> Spheres:
+def sphere(offset=(0, 0, 0), radius=0.8):
     return Spheres(np.add([[0.3, 0.2, -0.1]], offset), np.array([radius]), ROW)
 
 
-def quad(offset: Any = (0, 0, 0)) -> Parallelograms:
+def quad(offset=(0, 0, 0)):
     return Parallelograms(
         np.add([[-0.5, -0.5, 0.2]], offset), np.array([[1.0, 0.5, 0.0]]), np.array([[0.0, 1.0, 0.3]]), ROW
     )
 
 
-def disc(offset: Any = (0, 0, 0)) -> Discs:
+def disc(offset=(0, 0, 0)):
     return Discs(np.add([[0.1, 0.2, 0.3]], offset), unit([1, 2, -2]), np.array([0.9]), ROW)
 
 
-def triangle(offset: Any = (0, 0, 0)) -> Triangles:
+def triangle(offset=(0, 0, 0)):
     return Triangles(pad_buffer(CORNERS + offset, np.float32), pad_buffer(np.array([[0, 1, 2]]), np.uint32), ROW)
 
 
-def smooth(offset: Any = (0, 0, 0)) -> SmoothTriangles:
+def smooth(offset=(0, 0, 0)):
     return SmoothTriangles(*triangle(offset), np.ascontiguousarray(BENT, np.float32))
 
 
@@ -58,7 +59,7 @@ FACE = pad_buffer(np.array([[0, 1, 2]]), np.uint32)
 NORMALS = np.stack([unit(BENT + 0.1 * step) for step in range(STEPS)]).astype(np.float32)
 
 
-def deforming(frames: Array = FRAMES) -> DeformingTriangles:
+def deforming(frames=FRAMES):
     return DeformingTriangles(pad_buffer(frames, np.float32), FACE, ROW)
 
 
@@ -66,31 +67,44 @@ DEFORMING = (deforming(), DeformingSmoothTriangles(*deforming(), NORMALS))
 FLAT, BENDING = len(RESTING), len(RESTING) + 1
 
 
-def moving_by(shift: Any) -> tuple[Any, ...]:
+def moving_by(shift):
     """A table of each kind, and the deforming triangles, so that one compiled loop serves all tests."""
     return tuple(translate_table(table, shift) for table in RESTING) + DEFORMING
 
 
-def rays_at(times: Array, seed: int = 1) -> tuple[Array, Array]:
-    """Rays from a shell about the moving place towards it."""
-    origins = 4.0 * uniform_directions(len(times), seed)
-    aims = 0.6 * uniform_directions(len(times), seed + 1)
-    return origins + times[:, None] * SHIFT, unit(aims - origins)
+def shooter(shift, number):
+    """`trace` at one of the tables."""
+    tables = moving_by(shift)
+    return partial(trace, Stage(tables), Accel({number: geometry(tables[number])}))
+
+
+def later(number, hits):
+    """Where the points that were met are at the end of the shutter's time."""
+    hit = type(hits.hit)(*map(rows, map(np.nan_to_num, hits.hit)))
+    return vectorised(reproject_at_time_any)(moving_by(SHIFT), number, rows(hits.primitive), hit, 1.0)
+
+
+def sample(shift, number, reference, u, time):
+    return sample_on(Stage(moving_by(shift)), reference, u, table=number, time=time)
+
+
+def random_times(count, seed):
+    return np.random.default_rng(seed).random(count).astype(np.float32).astype(np.float64)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_translated_is_met_as_the_resting_one_is_from_a_place_that_moves_along(kind: str) -> None:
-    number = NUMBERS[kind]
-    times = np.random.default_rng(1).random(2000).astype(np.float32).astype(np.float64)
-    origins, directions = rays_at(times)
+def test_what_is_translated_is_met_as_the_resting_one_is_from_a_place_that_moves_along(kind):
+    number, times = NUMBERS[kind], random_times(2000, 1)
+    origins = 4.0 * uniform_directions(len(times), 1)
+    directions = unit(0.6 * uniform_directions(len(times), 2) - origins)
     gone = times[:, None] * SHIFT
-    moving = cast(moving_by(SHIFT), number, origins, directions, times)
-    resting = cast(moving_by(0.0), number, origins - gone, directions, 0.0)
+    moving = shooter(SHIFT, number)(origins + gone, directions, times=times)
+    resting = shooter(0.0, number)(origins, directions)
 
     # At an edge, float32 may decide either way.
-    same = moving.primitive == resting.primitive
+    same = moving.table == resting.table
     assert same.mean() > 0.999
-    met = same & (moving.primitive == 0)
+    met = same & (moving.table == number)
     assert met.sum() > 100
     np.testing.assert_allclose(moving.point[met] - gone[met], resting.point[met], atol=1e-12)
     np.testing.assert_allclose(moving.normal[met], resting.normal[met], atol=1e-12)
@@ -98,15 +112,15 @@ def test_what_is_translated_is_met_as_the_resting_one_is_from_a_place_that_moves
 
     # Textures stick, and a point is carried to where it will be.
     np.testing.assert_allclose(moving.local[met], resting.point[met], atol=1e-12)
-    np.testing.assert_allclose(moving.later[met], resting.point[met] + SHIFT, atol=1e-12)
+    np.testing.assert_allclose(later(number, moving)[met], resting.point[met] + SHIFT, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_points_on_what_is_translated_have_the_density_that_is_said(kind: str) -> None:
+def test_points_on_what_is_translated_have_the_density_that_is_said(kind):
     time, reference = 0.75, np.array([2.0, 3.0, 4.0])
     u = np.random.default_rng(3).random((500, 2))
-    moving = sample(moving_by(SHIFT), NUMBERS[kind], reference, u, time)
-    resting = sample(moving_by(0.0), NUMBERS[kind], reference - time * SHIFT, u, time)
+    moving = sample(SHIFT, NUMBERS[kind], reference, u, time)
+    resting = sample(0.0, NUMBERS[kind], reference - time * SHIFT, u, time)
     np.testing.assert_allclose(moving.point, resting.point + time * SHIFT, atol=1e-12)
     np.testing.assert_allclose(moving.local, resting.point, atol=1e-12)
     np.testing.assert_allclose(moving.pdf, resting.pdf, rtol=1e-12)
@@ -115,23 +129,26 @@ def test_points_on_what_is_translated_have_the_density_that_is_said(kind: str) -
     assert np.all(moving.gap >= resting.gap)
 
 
-@pytest.mark.parametrize("shift", [1e-3, 1.0, 1e3])
-@pytest.mark.parametrize("kind", ["sphere", "quad", "triangle"])
-def test_rays_that_leave_what_moves_do_not_meet_it_again(kind: str, shift: float) -> None:
+@pytest.mark.parametrize(
+    ("number", "shift", "middle"),
+    [
+        *((NUMBERS[kind], shift, 0.0) for kind in ("sphere", "quad", "triangle") for shift in (1e-3, 1.0, 1e3)),
+        (FLAT, 0.0, [0.5, 0.8, 0]),
+    ],
+)
+def test_rays_that_leave_what_moves_do_not_meet_it_again(number, shift, middle):
     """The error is that of the coordinates at both ends of the way (hard case 1, with motion)."""
-    n = 20_000
-    times = np.random.default_rng(5).random(n).astype(np.float32).astype(np.float64)
-    way = shift * unit([1, 2, -0.5])[0]
+    n, way = 20_000, shift * unit([1, 2, -0.5])[0]
+    times = random_times(n, 5)
     origins = 3.0 * uniform_directions(n, 6)
     directions = unit(0.5 * uniform_directions(n, 7) - origins)
-    self_hit = self_hits(
-        moving_by(way), NUMBERS[kind], origins + times[:, None] * way, directions, uniform_directions(n, 8), times
-    )
-    assert (self_hit >= 0).sum() > n / 20
-    assert (self_hit == 1).sum() <= 1e-5 * n
+    starts = origins + middle + times[:, None] * way
+    again = leave(shooter(way, number), starts, directions, uniform_directions(n, 8), times)
+    assert (again >= 0).sum() > n / 20
+    assert (again == 1).sum() == 0
 
 
-def test_translated_tables_join_with_their_shifts() -> None:
+def test_translated_tables_join_with_their_shifts():
     one, other = translate_table(triangle(), SHIFT), translate_table(triangle((0, 0, 5)), -SHIFT)
     joined = concatenate(one, [one, other])
     buffers = geometry(joined)
@@ -149,7 +166,7 @@ def test_translated_tables_join_with_their_shifts() -> None:
 # ---- Frames
 
 
-def at(frames: Array, time: float) -> Array:
+def at(frames, time):
     """Interpolate between two frames, which are float32 numbers."""
     where = time * (STEPS - 1)
     step = min(int(where), STEPS - 2)
@@ -158,25 +175,26 @@ def at(frames: Array, time: float) -> Array:
 
 
 @pytest.mark.parametrize("bent", [False, True], ids=["flat", "smooth"])
-def test_a_deforming_triangle_is_the_triangle_between_its_frames(bent: bool) -> None:
+def test_a_deforming_triangle_is_the_triangle_between_its_frames(bent):
     rng = np.random.default_rng(2)
     for time in (0.0, 0.25, 0.1015625, 0.7421875, 1.0):
         corners = at(FRAMES, time)
         weights = rng.dirichlet([1, 1, 1], 200)
         aims = weights @ corners
         origins = aims + 2.0 * unit(np.add(uniform_directions(200, 4), [0, 0, 1.5]))
-        hits = cast(moving_by(SHIFT), BENDING if bent else FLAT, origins, unit(aims - origins), time)
-        met = hits.primitive == 0
+        number = BENDING if bent else FLAT
+        hits = shooter(SHIFT, number)(origins, unit(aims - origins), times=time)
+        met = hits.table == number
         assert met.mean() > 0.98
         np.testing.assert_allclose(hits.point[met], aims[met], atol=2e-6)
         normal = unit(np.cross(corners[1] - corners[0], corners[2] - corners[0]))[0]
         np.testing.assert_allclose(hits.normal[met], np.broadcast_to(normal, aims.shape)[met], atol=1e-13)
-        np.testing.assert_allclose((hits.point - corners[0]) @ normal, 0.0, atol=1e-13)
+        np.testing.assert_allclose((hits.point[met] - corners[0]) @ normal, 0.0, atol=1e-13)
         np.testing.assert_allclose(hits.local[met], weights[met] @ at(FRAMES, 0.0), atol=4e-6)
-        np.testing.assert_allclose(hits.later[met], weights[met] @ at(FRAMES, 1.0), atol=4e-6)
+        np.testing.assert_allclose(later(number, hits)[met], weights[met] @ at(FRAMES, 1.0), atol=4e-6)
         if bent:
             between = unit(weights @ at(NORMALS, time))
-            agree = np.linalg.norm(hits.shading_normal - between, axis=1)[met] < 1e-5
+            agree = np.linalg.norm(hits.shading_normal[met] - between[met], axis=1) < 1e-5
             # Where it would be on the face's inside, the face's own normal is used.
             np.testing.assert_array_equal(agree, (between @ normal > 0.0)[met])
             np.testing.assert_allclose(
@@ -185,9 +203,9 @@ def test_a_deforming_triangle_is_the_triangle_between_its_frames(bent: bool) -> 
             assert agree.mean() > 0.5
 
 
-def test_points_on_a_deforming_triangle_lie_in_it_at_the_time() -> None:
+def test_points_on_a_deforming_triangle_lie_in_it_at_the_time():
     time, reference = 0.6328125, [1.0, 2.0, 5.0]
-    points = sample(moving_by(SHIFT), FLAT, reference, np.random.default_rng(3).random((300, 2)), time)
+    points = sample(SHIFT, FLAT, reference, np.random.default_rng(3).random((300, 2)), time)
     corners = at(FRAMES, time)
     u = np.linalg.lstsq((corners[1:] - corners[0]).T, (points.point - corners[0]).T, rcond=None)[0]
     assert u.min() > -1e-12
@@ -199,7 +217,7 @@ def test_points_on_a_deforming_triangle_lie_in_it_at_the_time() -> None:
     np.testing.assert_allclose(points.pdf, expected, rtol=1e-12)
 
 
-def test_deforming_tables_join_if_their_steps_agree() -> None:
+def test_deforming_tables_join_if_their_steps_agree():
     one, other = deforming(), deforming(np.add(FRAMES, [0, 0, 7]))
     joined = concatenate(one, [one, other])
     assert joined.vertices.shape == (STEPS, 6, 3)
@@ -210,13 +228,3 @@ def test_deforming_tables_join_if_their_steps_agree() -> None:
     moved = geometry(translate_table(joined, SHIFT)).vertices
     np.testing.assert_allclose(moved[-1], joined.vertices[-1] + SHIFT, rtol=1e-6)
     np.testing.assert_allclose(moved[1], joined.vertices[1] + SHIFT / 4, rtol=1e-6)
-
-
-def test_rays_that_leave_a_deforming_triangle_do_not_meet_it_again() -> None:
-    n = 20_000
-    times = np.random.default_rng(5).random(n).astype(np.float32).astype(np.float64)
-    origins = 3.0 * uniform_directions(n, 6) + [0.5, 0.8, 0]
-    directions = unit(0.8 * uniform_directions(n, 7) + [0.5, 0.8, 0] - origins)
-    self_hit = self_hits(moving_by(SHIFT), FLAT, origins, directions, uniform_directions(n, 8), times)
-    assert (self_hit >= 0).sum() > n / 20
-    assert (self_hit == 1).sum() == 0

@@ -1,41 +1,43 @@
-"""Compiled loops over a sampler's numbers."""
+"""A sampler's numbers."""
 
 import numpy as np
 
-from raytracer.core.compiler.dispatch import entry
+from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.sampling import pixel_key, sample_1d, sample_2d
+from tests.vectorised import rows, vectorised
 
 
-@entry
-def _keys(sampler, left, top, keys):
-    for row in range(keys.shape[0]):
-        for column in range(keys.shape[1]):
-            keys[row, column] = pixel_key(sampler, left + column, top + row)
+@kernel
+def _cell(shape, place):
+    """Where a number stands among those of pixels, samples and dimensions."""
+    rest = place // shape[2]
+    return rest // shape[1], rest % shape[1], place % shape[2]
 
 
-@entry
-def _fill_1d(sampler, keys, first, dimensions, out):
-    for k in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            for d in range(out.shape[2]):
-                out[k, i, d] = sample_1d(sampler, keys[k], first + i, dimensions[d])
+@kernel
+def _draw_1d(sampler, keys, first, dimensions, shape, place):
+    k, i, d = _cell(shape, place)
+    return sample_1d(sampler, keys[k], first + i, dimensions[d])
 
 
-@entry
-def _fill_2d(sampler, keys, first, dimensions, out):
-    for k in range(out.shape[0]):
-        for i in range(out.shape[1]):
-            for d in range(out.shape[2]):
-                u, v = sample_2d(sampler, keys[k], first + i, dimensions[d])
-                out[k, i, d, 0] = u
-                out[k, i, d, 1] = v
+@kernel
+def _draw_2d(sampler, keys, first, dimensions, shape, place):
+    k, i, d = _cell(shape, place)
+    return sample_2d(sampler, keys[k], first + i, dimensions[d])
 
 
 def keys(sampler, width, height, left=0, top=0):
     """Keys of a rectangle of pixels: uint64 (height, width)."""
-    out = np.empty((height, width), np.uint64)
-    _keys(sampler, left, top, out)
-    return out
+    y, x = np.mgrid[top : top + height, left : left + width].reshape(2, -1)
+    return vectorised(pixel_key)(sampler, rows(x), rows(y)).astype(np.uint64).reshape(height, width)
+
+
+def _drawn(kernel_, sampler, pixels, count, dimensions, first):
+    chosen = keys(sampler, pixels, 1)[0] if isinstance(pixels, int) else np.ascontiguousarray(pixels)
+    shape = (len(chosen), count, len(dimensions))
+    places = rows(np.arange(np.prod(shape)))
+    out = vectorised(kernel_)(sampler, chosen, first, np.array(dimensions, np.int64), shape, places)
+    return out.reshape(*shape, *out.shape[1:])
 
 
 def draw_1d(sampler, pixels, count, dimensions=(0,), first=0):
@@ -43,15 +45,9 @@ def draw_1d(sampler, pixels, count, dimensions=(0,), first=0):
 
     pixels : how many pixels, or their keys.
     """
-    chosen = keys(sampler, pixels, 1)[0] if isinstance(pixels, int) else pixels
-    out = np.empty((len(chosen), count, len(dimensions)))
-    _fill_1d(sampler, chosen, first, np.array(dimensions, np.int64), out)
-    return out
+    return _drawn(_draw_1d, sampler, pixels, count, dimensions, first)
 
 
 def draw_2d(sampler, pixels, count, dimensions=(0,), first=0):
     """Like `draw_1d`, pairs: float64 (pixels, count, dimensions, 2)."""
-    chosen = keys(sampler, pixels, 1)[0] if isinstance(pixels, int) else pixels
-    out = np.empty((len(chosen), count, len(dimensions), 2))
-    _fill_2d(sampler, chosen, first, np.array(dimensions, np.int64), out)
-    return out
+    return _drawn(_draw_2d, sampler, pixels, count, dimensions, first)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from raytracer.core.sampling.alias import build_alias, sample_alias
 from tests.statistics import chi2_test
+from tests.vectorised import rows, vectorised
 
 WEIGHTS = {
     "one": [3.0],
@@ -53,18 +54,20 @@ def test_what_has_no_weight_is_never_drawn(weights):
     table = build_alias(weights)
     n = len(weights)
     ends = [k / n for k in range(n)] + [np.nextafter(k / n, 0.0) for k in range(1, n + 1)]
-    for u in [*ends, *np.random.default_rng(2).random(2000)]:
-        index, pmf, rest = sample_alias(table, float(u))
-        assert weights[index] > 0.0
-        assert pmf == table.pmf[index]
-        assert 0.0 <= rest < 1.0
+    index, pmf, rest = drawn_by(table, [*ends, *np.random.default_rng(2).random(2000)])
+    assert (np.array(weights)[index] > 0.0).all()
+    np.testing.assert_array_equal(pmf, table.pmf[index])
+    assert ((rest >= 0.0) & (rest < 1.0)).all()
+
+
+def drawn_by(table, u):
+    return vectorised(sample_alias)(table, rows(u))
 
 
 def test_what_is_left_of_the_number_is_uniform_for_each_bin():
     table = build_alias([0.5, 3.0, 1.0, 0.25, 1.25])
-    drawn = [sample_alias(table, u) for u in np.random.default_rng(4).random(100_000).tolist()]
-    pairs = np.array([(index + 0.5, rest) for index, _, rest in drawn])
-    bounds = [(0.0, 5.0), (0.0, 1.0)]
+    index, _, rest = drawn_by(table, np.random.default_rng(4).random(100_000))
+    pairs, bounds = np.stack([index + 0.5, rest], axis=1), [(0.0, 5.0), (0.0, 1.0)]
     chi2_test(pairs, lambda x: table.pmf[x[:, 0].astype(int)], bounds, [5, 20])
 
 

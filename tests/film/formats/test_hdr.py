@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from raytracer.film import load
 from raytracer.film.formats import hdr
 
 
@@ -111,9 +110,3 @@ def test_a_packet_without_bytes_or_beyond_the_scanline_is_refused(packet):
 def test_a_size_that_the_file_cannot_hold_takes_no_memory(side, reason):
     with pytest.raises(ValueError, match=reason):
         hdr.decode(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (side, side) + bytes(100))
-
-
-def test_hdr_keeps_eight_bits_of_the_largest_component(image, tmp_path):
-    image.save(tmp_path / "a.hdr")
-    error = np.abs(load(tmp_path / "a.hdr") - image.radiance)
-    assert (error <= image.radiance.max(axis=2, keepdims=True) / 256).all()

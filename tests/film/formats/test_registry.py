@@ -1,12 +1,24 @@
-"""The registry of image formats: what its lists hold today, and a format that every list takes in by its one file."""
+"""The registry of image formats: what its lists hold today, and formats that every list takes in by one file each."""
 
+import shutil
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
+
+import numpy as np
+import PIL.Image
 
 from raytracer.film.formats import registry
-from tests.film.formats.test_exercise_format import SCENE
+from tests.repository import ROOT
+
+SCENE = """
+film: {width: 6, height: 4}
+render: {spp: 1}
+camera: {type: pinhole, look_from: [0, 0, 3], look_at: [0, 0, 0], vfov: 40}
+environment: {type: constant, radiance: [0.2, 0.4, 0.8]}
+objects:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: [0.8, 0.3, 0.1]}}
+"""
 
 # A linear format with layers, maps and animations: arrays by name, as NumPy packs them.
 FORMAT = '''
@@ -61,7 +73,7 @@ PROGRAM = """
     from raytracer.cli.lightfield.base import check_outputs
     from raytracer.cli.lightfield.depth import _encode_confidence
     from raytracer.film import animation, image_file
-    from raytracer.film.formats.registry import animation_suffixes, image_formats, map_suffixes
+    from raytracer.film.formats.registry import animation_suffixes, display_suffixes, image_formats, map_suffixes
     from raytracer.lightfield.decoding.raw_image import has_largest_value
     from raytracer.scene.assets import read_image
 
@@ -88,13 +100,19 @@ PROGRAM = """
     packed = np.load(io.BytesIO(animation.encode(list(frames), "toy", fps=10)))
     assert packed["frames"].shape == frames.shape and packed["duration"] == 100
 
-    # Messages name it.
+    # So is docs/examples/ppm.py, which is for a display.
+    assert main(["render", "scene.yaml", "-o", "b.ppm", "-o", "b.png"]) == 0
+    assert (image_file.load("b.ppm") == image_file.load("b.png")).all()
+    assert display_suffixes() == (".png", ".jpg", ".jpeg", ".ppm")
+
+    # Messages name them.
+    assert main(["render", "scene.yaml", "-o", "a.xyz"]) == 2
     assert main(["render", "scene.yaml", "-o", "a.png", "--aov", "depth"]) == 2
     assert main(["sweep", "scene.yaml", "-D", "render.seed=1,2", "--animate", "mp4"]) == 2
 """
 
 
-def test_the_lists_of_suffixes() -> None:
+def test_the_lists_of_suffixes():
     assert " ".join(registry.writable_suffixes()) == ".png .jpg .jpeg .exr .hdr .npy .lf"
     assert " ".join(registry.image_suffixes()) == ".png .jpg .jpeg .exr .hdr .npy"
     assert " ".join(registry.display_suffixes()) == ".png .jpg .jpeg"
@@ -107,7 +125,7 @@ def test_the_lists_of_suffixes() -> None:
     assert " ".join(registry.animation_suffixes(with_images=False)) == ".gif .webp"
 
 
-def test_what_is_declared_agrees() -> None:
+def test_what_is_declared_agrees():
     for suffix, each in registry.image_formats().items():
         assert suffix in each.suffixes
         assert not (each.is_linear and each.decode_display), f"{suffix} is linear, and holds what a display shows"
@@ -115,14 +133,19 @@ def test_what_is_declared_agrees() -> None:
         assert not each.decode_layers or each.has_layers, f"{suffix} has no layers to decode"
 
 
-def test_every_list_takes_in_a_new_file(tmp_path: Path) -> None:
+def test_every_list_takes_in_new_files(tmp_path):
     folder = tmp_path / "formats"
     folder.mkdir()
     (folder / "toy.py").write_text(textwrap.dedent(FORMAT))
+    shutil.copy(ROOT / "docs" / "examples" / "ppm.py", folder)
     (tmp_path / "scene.yaml").write_text(SCENE)
     command = [sys.executable, "-c", textwrap.dedent(PROGRAM), str(folder)]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     told = " ".join(done.stderr.split())
+    assert "known: .png, .jpg, .jpeg, .exr, .hdr, .npy, .lf, .ppm, .toy" in told
+    # Another program agrees on what is in the file.
+    with PIL.Image.open(tmp_path / "b.ppm") as ppm, PIL.Image.open(tmp_path / "b.png") as png:
+        np.testing.assert_array_equal(np.asarray(ppm), np.asarray(png))
     assert "--aov depth: only .exr and .lf and .toy files hold layers: add -o NAME.exr" in told
     assert "--animate mp4: must be one of gif, webp, png, toy" in told

@@ -1,16 +1,13 @@
 """Raw pictures by views: geometry on pictures that are linear in what their pixels see, which interpolation keeps."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.film.image import Image
 from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.lenslets import Lenslets, disc_coverage
-from raytracer.film.light_field.views import Views
 
 ROW = math.sqrt(3.0) / 2.0
 TURN = math.radians(4.0)
@@ -22,12 +19,12 @@ LATTICES = {
 }
 
 
-def lenslets(name: str, **keys: Any) -> Lenslets:
+def lenslets(name, **keys):
     numbers = {"slope": 2e-3, "stride": 1e-3, "inverse_distance": 0.4, "inverse_focus": 0.4, **keys}
     return Lenslets(LATTICES[name], 120, 110, (60.0, 55.0), **numbers)
 
 
-def seen(layout: Lenslets, inverse_distance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def seen(layout, inverse_distance):
     """Compute points on the main lens (m) of pixels' rays, and their tangents: (height, width, 2) right, up.
 
     By the nearest of all microlenses, whichever they are.
@@ -44,18 +41,18 @@ def seen(layout: Lenslets, inverse_distance: float) -> tuple[NDArray[np.float64]
     return on_lens, slopes + on_lens * (inverse_distance - layout.inverse_distance)
 
 
-def within(layout: Lenslets, views: Views) -> NDArray[np.bool_]:
+def within(layout, views):
     """The views whose places, with the pixels next to them, are within every sub-image."""
     away = np.hypot(views.position[..., 0], views.position[..., 1]) / layout.stride
     return np.asarray(away < 0.5 * layout.lattice.pitch - 1.0)
 
 
-def image(values: NDArray[np.float64]) -> Image:
+def image(values):
     return Image(np.concatenate([values, np.ones((*values.shape[:2], 1))], axis=-1))
 
 
 @pytest.mark.parametrize("name", LATTICES)
-def test_views_see_through_the_places_that_are_said(name: str) -> None:
+def test_views_see_through_the_places_that_are_said(name):
     layout = lenslets(name)
     field = layout.light_field(image(seen(layout, 0.4)[0]))
     position = field.views.position[:, :, None, None, :]
@@ -67,7 +64,7 @@ def test_views_see_through_the_places_that_are_said(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LATTICES)
-def test_pixels_of_views_see_where_the_plane_says(name: str) -> None:
+def test_pixels_of_views_see_where_the_plane_says(name):
     layout = lenslets(name)
     field = layout.light_field(image(seen(layout, 0.4)[1]))
     views, plane = field.views, field.views.plane
@@ -82,9 +79,7 @@ def test_pixels_of_views_see_where_the_plane_says(name: str) -> None:
 
 @pytest.mark.parametrize("name", LATTICES)
 @pytest.mark.parametrize("inverse_focus", [1.4, -2.6])
-def test_focused_views_have_the_pixels_of_the_sensor_in_the_plane_that_is_sharp(
-    name: str, inverse_focus: float
-) -> None:
+def test_focused_views_have_the_pixels_of_the_sensor_in_the_plane_that_is_sharp(name, inverse_focus):
     layout = lenslets(name, inverse_focus=inverse_focus, inverse_distance=-0.6, slope=5e-4)
     field = layout.light_field(image(seen(layout, inverse_focus)[1]))
     views, plane = field.views, field.views.plane
@@ -104,24 +99,23 @@ def test_focused_views_have_the_pixels_of_the_sensor_in_the_plane_that_is_sharp(
     assert math.sqrt((error**2).mean()) < 0.05
 
 
-def test_a_ray_a_pixel_is_kept_of_a_focused_picture() -> None:
+def test_a_ray_a_pixel_is_kept_of_a_focused_picture():
     layout = lenslets("hexagonal", inverse_focus=1.4, inverse_distance=-0.6)
     on_lens, tangents = seen(layout, 1.4)
     rays = layout.light_field(image(tangents)).rays
-    assert rays is not None
     assert len(rays.value) == 120 * 110
     np.testing.assert_allclose(rays.place[:, :2].reshape(110, 120, 2), on_lens, atol=1e-15)
     np.testing.assert_allclose(rays.place[:, 2:], rays.value[:, :2], atol=1e-15)
 
 
-def test_the_geometry_of_a_focused_camera_needs_no_pixels() -> None:
+def test_the_geometry_of_a_focused_camera_needs_no_pixels():
     """`rt explain` asks it for many microlenses before a sensor of any size."""
     layout = lenslets("hexagonal", inverse_focus=1.4, inverse_distance=-0.6)
     assert layout.views.columns > 1
     assert "_pixels" not in vars(layout)
 
 
-def test_layers_are_sliced_as_the_picture_is() -> None:
+def test_layers_are_sliced_as_the_picture_is():
     layout = lenslets("whole pixels")
     values = np.arange(120.0 * 110.0).reshape(110, 120)
     found = layout.light_field(Image(np.zeros((110, 120, 3)), layers={"depth": values}))
@@ -130,7 +124,7 @@ def test_layers_are_sliced_as_the_picture_is() -> None:
     assert found.layers["depth"][2, 7, 4, 6] == values[3 + 40 + 2, 4 + 60 + 7]
 
 
-def test_pixels_at_the_rim_of_the_lens_are_as_bright_as_the_others() -> None:
+def test_pixels_at_the_rim_of_the_lens_are_as_bright_as_the_others():
     layout = lenslets("whole pixels", aperture=10e-3)
     picture = Image(np.repeat(layout.lit[..., None], 3, axis=2))
     assert picture.radiance.min() < 0.1
@@ -141,23 +135,20 @@ def test_pixels_at_the_rim_of_the_lens_are_as_bright_as_the_others() -> None:
     np.testing.assert_allclose(field.radiance[covered], 1.0, rtol=0.0, atol=1e-9)
 
 
-def test_a_picture_smaller_than_a_sub_image_holds_no_views() -> None:
+def test_a_picture_smaller_than_a_sub_image_holds_no_views():
     layout = Lenslets(LATTICES["whole pixels"], 9, 9, (4.5, 4.5), 1e-3, 1e-3, 0.0, 0.0)
     with pytest.raises(ValueError, match="holds no whole sub-image"):
         _ = layout.views
 
 
-# ---- The part of a rectangle that is within a disc
-
-
-def test_a_disc_in_a_square_covers_a_quarter_of_pi() -> None:
+def test_a_disc_in_a_square_covers_a_quarter_of_pi():
     assert disc_coverage(-3.0, -3.0, 6.0, 6.0, 3.0) == pytest.approx(math.pi / 4.0)
     assert disc_coverage(-3.0, 0.0, 6.0, 3.0, 3.0) == pytest.approx(math.pi / 4.0)
     assert disc_coverage(-1.0, -1.0, 2.0, 2.0, 3.0) == pytest.approx(1.0)
     assert disc_coverage(3.0, -1.0, 2.0, 2.0, 3.0) == pytest.approx(0.0)
 
 
-def test_parts_of_rectangles_are_those_of_points_in_them() -> None:
+def test_parts_of_rectangles_are_those_of_points_in_them():
     rng = np.random.default_rng(4)
     left, bottom = rng.uniform(-2.0, 1.0, (2, 40))
     found = disc_coverage(left, bottom, 0.9, 0.4, 1.3)

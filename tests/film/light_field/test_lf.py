@@ -3,7 +3,6 @@
 import contextlib
 import dataclasses
 import os
-import shutil
 import subprocess
 import sys
 import textwrap
@@ -55,9 +54,6 @@ def written(tmp_path):
     return path
 
 
-# ---- round trips
-
-
 @pytest.mark.parametrize("compress", [False, True])
 @pytest.mark.parametrize("dtype", lf.TYPES)
 def test_what_is_written_is_read_again(tmp_path, dtype, compress):
@@ -71,7 +67,7 @@ def test_what_is_written_is_read_again(tmp_path, dtype, compress):
         assert np.array_equal(found.layers["depth"], field.layers["depth"].astype(layer))
         assert np.array_equal(found.layers["normal"], field.layers["normal"].astype(layer))
         assert np.array_equal(found.layers["object_id"], field.layers["object_id"])
-        assert all(np.array_equal(a, b) for a, b in zip(found.rays, field.rays, strict=True))
+        assert all(map(np.array_equal, found.rays, field.rays))
         assert found.settings == field.settings
         assert {key: type(value) for key, value in found.settings.items()} == {
             key: type(value) for key, value in field.settings.items()
@@ -168,8 +164,6 @@ def test_names_are_not_hidden_by_modules():
         assert getattr(raytracer.lightfield, name) is not None
 
 
-# ---- reading by parts
-
 KEYS = [
     (1, 2),
     (..., 0),
@@ -222,9 +216,6 @@ def test_a_crop_reads_its_own_tiles_only(tmp_path):
     assert read(lambda: lf.open(tmp_path / "a.lf")) < 0.2 * tile
 
 
-# ---- what is in the file
-
-
 def test_the_file_is_what_its_document_says(written):
     with h5py.File(written) as file:
         radiance = file["radiance"]
@@ -259,45 +250,20 @@ def test_a_file_of_another_program_may_be_plain(tmp_path):
     assert found.views.focus_distance == np.inf
 
 
-# ---- what is wrong
-
-
-def change(path, act):
-    with h5py.File(path, "r+") as file:
-        act(file)
-
-
-def replace(name, array, **options):
+def dataset(name, data=None, **options):
     def act(file):
         del file[name]
-        file.create_dataset(name, data=array, **options)
-
-    return act
-
-
-def claim(name, shape, dtype="f4", **options):
-    def act(file):
-        del file[name]
-        file.create_dataset(name, shape, dtype, **options)
+        file.create_dataset(name, data=data, **options)
 
     return act
 
 
 def attribute(name, value):
-    def act(file):
-        file.attrs[name] = value
-
-    return act
+    return lambda file: file.attrs.__setitem__(name, value)
 
 
 def without(name):
-    def act(file):
-        if name in file.attrs:
-            del file.attrs[name]
-        else:
-            del file[name]
-
-    return act
+    return lambda file: file.attrs.__delitem__(name) if name in file.attrs else file.__delitem__(name)
 
 
 def linked(file):
@@ -307,65 +273,58 @@ def linked(file):
 
 def virtual(file):
     del file["radiance"]
-    layout = h5py.VirtualLayout((2, 3, 15, 20, 3), "f4")
-    layout[...] = h5py.VirtualSource("other.h5", "r", (2, 3, 15, 20, 3))
+    layout = h5py.VirtualLayout(SHAPE, "f4")
+    layout[...] = h5py.VirtualSource("other.h5", "r", SHAPE)
     file.create_virtual_dataset("radiance", layout)
 
 
-def elsewhere(file):
-    del file["radiance"]
-    file.create_dataset("radiance", (2, 3, 15, 20, 3), "f4", external=[("/etc/passwd", 0, 21600)])
-
+SHAPE = (2, 3, 15, 20, 3)
+HUGE, TILES = (1000, 1000, 100_000, 100_000, 3), (10, 10, 100, 100, 3)
+ELSEWHERE = [("/etc/passwd", 0, 21600)]
 
 WRONG = {
     "another HDF5 file": (without("format"), "is an HDF5 file, but no light field"),
-    "another format": (attribute("format", np.bytes_("netcdf")), "no light field"),
     "a newer version": (attribute("version", 7), "is of version 7 of the format; this program reads version 1"),
     "no version": (without("version"), "has no attribute version"),
     "no radiance": (without("radiance"), "has no dataset radiance"),
+    "another format": (attribute("format", np.bytes_("netcdf")), "no light field"),
     "no positions": (without("position"), "has no dataset position"),
+    "nan positions": (dataset("position", np.full((*SHAPE[:2], 2), np.nan)), "must be finite"),
+    "negative pixels": (attribute("pixel", -1.0), "have a size"),
+    "strings": (dataset("radiance", np.zeros(SHAPE, "S4")), "must be of floating-point numbers"),
+    "compounds": (dataset("radiance", np.zeros(SHAPE, [("a", "f4")])), "must be of floating-point numbers"),
+    "a layer that is a group": (
+        lambda file: (file.__delitem__("layers/depth"), file.create_group("layers/depth")),
+        "has no dataset layers/depth",
+    ),
     "no pixel": (without("pixel"), "has no attribute pixel"),
     "a text for a number": (attribute("pixel", np.bytes_("wide")), "its attribute pixel must be a number"),
     "an array for a number": (attribute("left", [1.0, 2.0]), "its attribute left must be a number"),
     "a wrong cell": (attribute("cell", [1.0, 2.0, 3.0]), r"its attribute cell must be numbers of shape \(2,\)"),
     "nan geometry": (attribute("inverse_focus", np.nan), "must be finite"),
-    "nan positions": (replace("position", np.full((2, 3, 2), np.nan)), "must be finite"),
     "nan pose": (attribute("pose", np.full((4, 3), np.nan)), "its pose must be of finite numbers"),
     "pixels without a size": (attribute("pixel", 0.0), "have a size"),
-    "negative pixels": (attribute("pixel", -1.0), "have a size"),
-    "integers": (
-        replace("radiance", np.zeros((2, 3, 15, 20, 3), int)),
-        "must be of floating-point numbers, not of int64",
-    ),
-    "strings": (replace("radiance", np.zeros((2, 3, 15, 20, 3), "S4")), "must be of floating-point numbers"),
-    "compounds": (
-        replace("radiance", np.zeros((2, 3, 15, 20, 3), [("a", "f4")])),
-        "must be of floating-point numbers",
-    ),
-    "four axes": (replace("radiance", np.zeros((2, 3, 15, 20))), "radiance must have 5 axes"),
-    "four channels": (replace("radiance", np.zeros((2, 3, 15, 20, 4))), "must have 3 channels .*, not 4"),
-    "other positions": (replace("position", np.zeros((3, 2, 2))), r"position must be of shape \(2, 3, 2\)"),
-    "other layers": (replace("layers/depth", np.zeros((2, 3, 15, 21))), "layer depth must be of shape"),
-    "a layer that is a group": (
-        lambda file: (file.__delitem__("layers/depth"), file.create_group("layers/depth")),
-        "has no dataset layers/depth",
-    ),
-    "layers that are an array": (replace("layers", np.zeros(3)), "layers must be a group"),
-    "uneven rays": (replace("rays/weight", np.zeros(51)), "rays must be of shapes"),
+    "integers": (dataset("radiance", np.zeros(SHAPE, int)), "must be of floating-point numbers, not of int64"),
+    "four axes": (dataset("radiance", np.zeros(SHAPE[:4])), "radiance must have 5 axes"),
+    "four channels": (dataset("radiance", np.zeros((*SHAPE[:4], 4))), "must have 3 channels .*, not 4"),
+    "other positions": (dataset("position", np.zeros((3, 2, 2))), r"position must be of shape \(2, 3, 2\)"),
+    "other layers": (dataset("layers/depth", np.zeros((2, 3, 15, 21))), "layer depth must be of shape"),
+    "layers that are an array": (dataset("layers", np.zeros(3)), "layers must be a group"),
+    "uneven rays": (dataset("rays/weight", np.zeros(51)), "rays must be of shapes"),
     "half of the rays": (without("rays/value"), "has no dataset rays/value"),
-    "an empty axis": (replace("radiance", np.zeros((2, 3, 0, 20, 3))), "none of them empty"),
-    "no values": (replace("radiance", h5py.Empty("f4")), "must have 5 axes"),
-    "a huge array that was never written": (
-        claim("radiance", (1000, 1000, 100_000, 100_000, 3)),
-        "claims to be of shape .*the file holds 0",
-    ),
-    "huge tiles that were never written": (
-        claim("radiance", (1000, 1000, 1000, 1000, 3), chunks=(10, 10, 100, 100, 3), compression="gzip"),
+    "an empty axis": (dataset("radiance", np.zeros((2, 3, 0, 20, 3))), "none of them empty"),
+    "no values": (dataset("radiance", h5py.Empty("f4")), "must have 5 axes"),
+    "a huge array, never written": (dataset("radiance", shape=HUGE, dtype="f4"), "claims to be .*the file holds 0"),
+    "huge tiles, never written": (
+        dataset("radiance", shape=HUGE, dtype="f4", chunks=TILES, compression="gzip"),
         "claims to be of shape",
     ),
     "a link": (linked, "radiance must be in the file itself, and is a link"),
     "parts of other files": (virtual, "must be in the file itself"),
-    "another file's bytes": (elsewhere, "must be in the file itself"),
+    "another file's bytes": (
+        dataset("radiance", shape=SHAPE, dtype="f4", external=ELSEWHERE),
+        "must be in the file itself",
+    ),
     "strings that HDF5 may hang in": (attribute("format", "rt light field"), "format must be of fixed length"),
 }
 
@@ -373,7 +332,8 @@ WRONG = {
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_file_is_told_in_a_sentence(written, name):
     act, sentence = WRONG[name]
-    change(written, act)
+    with h5py.File(written, "r+") as file:
+        act(file)
     with pytest.raises(InputError, match=sentence) as told:
         lf.open(written)
     assert str(told.value).startswith(f"{written}: ")
@@ -442,7 +402,7 @@ def read_all(path):
 def test_a_truncated_file_is_told(tmp_path, compress):
     lf.write(tmp_path / "a.lf", light_field(), compress=compress)
     whole = (tmp_path / "a.lf").read_bytes()
-    for length in np.linspace(0, len(whole) - 1, 40).astype(int):
+    for length in np.linspace(0, len(whole) - 1, 20).astype(int):
         (tmp_path / "cut.lf").write_bytes(whole[:length])
         with pytest.raises(InputError, match=r"cut.lf: is (truncated: its end is missing|no \.lf file|damaged)"):
             lf.open(tmp_path / "cut.lf")
@@ -455,7 +415,7 @@ def test_flipped_bits_are_told_or_change_nothing(tmp_path, compress):
     whole = (tmp_path / "a.lf").read_bytes()
     rng = np.random.default_rng(5)
     told = []
-    for place in rng.integers(0, len(whole), 150):
+    for place in rng.integers(0, len(whole), 100):
         data = bytearray(whole)
         data[place] ^= 1 << rng.integers(0, 8)
         (tmp_path / "b.lf").write_bytes(data)
@@ -467,7 +427,7 @@ def test_flipped_bits_are_told_or_change_nothing(tmp_path, compress):
             read_all(tmp_path / "b.lf")
         except InputError as error:
             told.append(str(error))
-    assert len(told) > 50
+    assert len(told) > 30
     assert not any("\n" in sentence for sentence in told)
 
 
@@ -500,9 +460,6 @@ def test_a_closed_file_says_so(written):
         pass
     with pytest.raises(InputError, match="has been closed"):
         field.view(0, 0)
-
-
-# ---- writing that fails
 
 
 def test_an_error_on_the_way_leaves_what_was_there(tmp_path):
@@ -547,4 +504,3 @@ def test_a_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="cannot be written"):
         lf.write(tmp_path / "file" / "a.lf", light_field())
-    shutil.rmtree(tmp_path)

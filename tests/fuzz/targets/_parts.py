@@ -5,27 +5,23 @@ import io
 import json
 import struct
 import zlib
-from typing import Any
 
 import numpy as np
 
-CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.5]], "<f4")
-TRIANGLES = np.array([[0, 1, 2], [0, 2, 3]], "<u2")
 
-
-def npy(array: Any, order: str = "C") -> bytes:
+def npy(array, order="C"):
     buffer = io.BytesIO()
     np.save(buffer, np.asarray(array, order=order))
     return buffer.getvalue()
 
 
-def with_header(text: bytes, numbers: bytes, version: int = 1) -> bytes:
+def with_header(text, numbers, version=1):
     """A .npy file with a header of the right length, whatever it says."""
     length = struct.pack("<H" if version == 1 else "<I", min(len(text), 2**16 - 1))
     return b"\x93NUMPY" + bytes([version, 0]) + length + text + numbers
 
 
-def with_sums(data: bytes) -> bytes:
+def with_sums(data):
     """A PNG file whose chunks have the checksums that belong to them."""
     result, start = [data[:8]], 8
     while start + 12 <= len(data):
@@ -38,7 +34,7 @@ def with_sums(data: bytes) -> bytes:
     return b"".join([*result, data[start:]])
 
 
-def glb(text: bytes, binary: bytes | None) -> bytes:
+def glb(text, binary):
     """A .glb file with chunks of the right lengths."""
     parts = [(text + b" " * (-len(text) % 4), b"JSON")]
     if binary is not None:
@@ -51,7 +47,7 @@ def glb(text: bytes, binary: bytes | None) -> bytes:
 
 _MOST_CHANGES = 12
 
-_VALUES: tuple[Any, ...] = (
+_VALUES = (
     0, 1, 2, 3, 4, 5, 7, -1, -5, 12, 255, 2**16, 2**31, 2**32 - 1, 2**53, 2**64, 10**9, 10**30, 10**400, 0.5, -0.0,
     1e300, 1e-300, float("nan"), float("inf"), True, False, None, "", "x", "VEC2", "VEC3", "SCALAR", "MAT4", "..",
     "data:,", "data:;base64,AAAA", "data:;base64,?", "http://example.org/a.bin", "/dev/zero", "../a.bin", "model.gltf",
@@ -60,7 +56,7 @@ _VALUES: tuple[Any, ...] = (
 )  # fmt: skip
 
 
-def _places(document: Any) -> list[tuple[Any, Any]]:
+def _places(document):
     """Every container within a document, with each of its keys."""
     found, waiting = [], [document]
     while waiting:
@@ -72,7 +68,7 @@ def _places(document: Any) -> list[tuple[Any, Any]]:
     return found
 
 
-def altered(document: Any, choices: bytes) -> Any:
+def altered(document, choices):
     """`document` after as many changes as `choices` has fours of bytes, but a few: where, how, with which value."""
     places = _places(document)
     for start in range(0, min(len(choices) - 3, 4 * _MOST_CHANGES), 4):
@@ -93,9 +89,9 @@ def altered(document: Any, choices: bytes) -> Any:
     return document
 
 
-def _copied(value: Any) -> Any:
+def _copied(value):
     return json.loads(json.dumps(value)) if isinstance(value, dict | list) else value
 
 
-def uri(data: bytes) -> str:
+def uri(data):
     return f"data:application/octet-stream;base64,{base64.b64encode(data).decode()}"

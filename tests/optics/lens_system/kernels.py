@@ -4,13 +4,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import entry
-from raytracer.optics.lens_system.ray_tracing import intersect_sphere, trace
+from raytracer.optics.lens_system.ray_tracing import intersect_sphere, trace_rays
 from raytracer.optics.lens_system.surfaces import LensSurfaces
-
-Array = NDArray[np.float64]
+from tests.vectorised import rows, vectorised
 
 DOUBLE_GAUSS = (
     (29.475, 3.76, 1.67, 12.6),
@@ -51,51 +48,24 @@ def pack_surfaces(surfaces: Sequence[Surface], *, before: float = 1.0) -> LensSu
     return LensSurfaces(curvature.astype(float), places, radius.astype(float), np.append(before, ior), stop)
 
 
-def lens_of(rows: Any, *, stop: float | None = None) -> LensSurfaces:
+def lens_of(table: Any, *, stop: float | None = None) -> LensSurfaces:
     """The lens of such a table, whose diaphragm is closed to a radius (mm) if one is given."""
     return pack_surfaces(
         [
             Surface(1.0 / radius, thickness, index, aperture)
             if radius
             else Surface(0.0, thickness, index, stop or aperture, is_stop=True)
-            for radius, thickness, index, aperture in rows
+            for radius, thickness, index, aperture in table
         ]
     )
 
 
-@entry
-def _traced(lens, origins, directions, towards_film, weights, points, out):
-    for ray in range(len(weights)):
-        origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
-        direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
-        weights[ray], point, onward = trace(lens, origin, direction, towards_film, None)
-        for axis in range(3):
-            points[ray, axis] = point[axis]
-            out[ray, axis] = onward[axis]
+traced = trace_rays
+"""Weights (n,), last points and directions (n, 3) of rays (n, 3) through a lens."""
 
 
-def traced(
-    lens: LensSurfaces, origins: Any, directions: Any, *, towards_film: bool = True
-) -> tuple[Array, Array, Array]:
-    """Weights (n,), last points and directions (n, 3) of rays (n, 3) through a lens."""
-    starts = np.array(origins, np.float64, ndmin=2)
-    ways = np.array(np.broadcast_to(np.asarray(directions, np.float64), starts.shape))
-    weights, points, out = np.empty(len(starts)), np.empty(starts.shape), np.empty(starts.shape)
-    _traced(lens, starts, ways, towards_film, weights, points, out)
-    return weights, points, out
-
-
-@entry
-def _met(curvature, origins, directions, side, distances, cosines):
-    for ray in range(len(distances)):
-        origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
-        direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
-        distances[ray], _, cosines[ray] = intersect_sphere(curvature, 0.0, origin, direction, side)
-
-
-def met(curvature: float, origins: Any, directions: Any, *, side: float = 1.0) -> tuple[Array, Array]:
+def met(curvature: float, origins: Any, directions: Any, *, side: float = 1.0) -> tuple[Any, Any]:
     """Distances (n,) and cosines (n,) at which rays (n, 3) meet a surface with its vertex at 0."""
-    starts, ways = (np.ascontiguousarray(np.atleast_2d(np.asarray(rows, np.float64))) for rows in (origins, directions))
-    distances, cosines = np.empty(len(starts)), np.empty(len(starts))
-    _met(float(curvature), starts, ways, side, distances, cosines)
+    starts, ways = (rows(np.array(given, np.float64, ndmin=2)) for given in (origins, directions))
+    distances, _, cosines = vectorised(intersect_sphere)(float(curvature), 0.0, starts, ways, side)
     return distances, cosines

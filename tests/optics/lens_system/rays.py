@@ -27,19 +27,17 @@ def unit(rows: Any) -> Array:
     return np.asarray(given / np.linalg.norm(given, axis=1, keepdims=True))
 
 
+def crossing(points: Array, directions: Array, axis: int = 1) -> Array:
+    """Find where rays in a plane with the axis of the lens meet it (n,)."""
+    return np.asarray(points[:, 2] - points[:, axis] * directions[:, 2] / directions[:, axis])
+
+
 def gone_through(
-    lens: Lens | LensSurfaces,
-    origins: Any,
-    directions: Any,
-    *,
-    towards_film: bool = True,
-    wavelength: float = LINE_D,
+    lens: Lens | LensSurfaces, origins: Any, directions: Any, *, towards_film: bool = True, wavelength: float = LINE_D
 ) -> Gone:
     """Rays (n, 3) through a lens, whose glasses have the index of a wavelength (nm)."""
     packed = lens.packed(wavelength) if isinstance(lens, Lens) else lens
-    starts = np.array(origins, np.float64, ndmin=2)
-    ways = np.array(np.broadcast_to(np.asarray(directions, np.float64), starts.shape))
-    return Gone(*trace_rays(packed, starts, ways, towards_film, None))
+    return Gone(*trace_rays(packed, origins, directions, towards_film, None))
 
 
 def parallel(
@@ -60,5 +58,4 @@ def backs(lens: Lens, heights: Array, *, wavelength: float = LINE_D) -> Array:
     """Find where parallel light at these heights (mm) crosses the axis, behind the last vertex (mm)."""
     found = gone_through(lens, *parallel(heights, 100.0), wavelength=wavelength)
     assert found.weights.all()
-    crossing = found.points[:, 2] - found.points[:, 0] * found.directions[:, 2] / found.directions[:, 0]
-    return np.asarray(crossing - float(lens.packed().vertex[-1]))
+    return np.asarray(crossing(found.points, found.directions, axis=0) - float(lens.packed().vertex[-1]))

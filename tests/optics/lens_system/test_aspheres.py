@@ -1,7 +1,6 @@
 """Conics, even aspheres and cylinders: by the figures that focus without error, and by the definition of their sag."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -9,45 +8,33 @@ import pytest
 from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.lens import Element, Lens
 from raytracer.optics.lens_system.ray_tracing import trace_rays
-from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
-from tests.optics.lens_system.rays import Array, unit
+from raytracer.optics.lens_system.surfaces import slice_surfaces
+from tests.optics.lens_system.rays import crossing, parallel, unit
 
 GLASS = constant_index_glass(1.5)
 
 
-def alone(element: Element) -> LensSurfaces:
+def alone(element):
     return Lens("a surface", (element,)).packed()
-
-
-def crossing(points: Array, directions: Array) -> Array:
-    """Find where rays in the plane x = 0 meet the axis (n,)."""
-    return np.asarray(points[:, 2] - points[:, 1] * directions[:, 2] / directions[:, 1])
-
-
-def parallel(heights: Any, axis: int = 1) -> Array:
-    starts = np.zeros((len(heights), 3))
-    starts[:, axis], starts[:, 2] = heights, -20.0
-    return starts
 
 
 HEIGHTS = np.linspace(0.1, 19.9, 100)
 
 
-def test_an_ellipsoid_of_glass_has_one_focus_within() -> None:
+def test_an_ellipsoid_of_glass_has_one_focus_within():
     # Descartes 1637, "La Dioptrique", discourse 8: k = -1 / n^2, focus n R / (n - 1) behind the vertex.
     packed = alone(Element(0.02, 0.0, GLASS, 20.0, "conic", conic=-1.0 / 1.5**2))
-    weights, points, directions = trace_rays(packed, parallel(HEIGHTS), (0.0, 0.0, 1.0))
+    weights, points, directions = trace_rays(packed, *parallel(HEIGHTS, 20.0, axis=1))
     assert weights.all()
     np.testing.assert_allclose(crossing(points, directions), 1.5 * 50.0 / 0.5, rtol=0.0, atol=1e-11)
 
 
-def test_a_hyperboloid_of_glass_has_one_focus_behind() -> None:
+def test_a_hyperboloid_of_glass_has_one_focus_behind():
     # The same: k = -n^2, focus R / (n - 1) behind the vertex.
     packed = Lens(
-        "plano-hyperbolic",
-        (Element(0.0, 9.0, GLASS, 20.0), Element(-0.02, 0.0, AIR, 20.0, "conic", conic=-(1.5**2))),
+        "plano-hyperbolic", (Element(0.0, 9.0, GLASS, 20.0), Element(-0.02, 0.0, AIR, 20.0, "conic", conic=-(1.5**2)))
     ).packed()
-    weights, points, directions = trace_rays(packed, parallel(HEIGHTS), (0.0, 0.0, 1.0))
+    weights, points, directions = trace_rays(packed, *parallel(HEIGHTS, 20.0, axis=1))
     assert weights.all()
     np.testing.assert_allclose(crossing(points, directions), 109.0, rtol=0.0, atol=1e-11)
     # And light from there comes out parallel.
@@ -71,7 +58,7 @@ ASPHERES = {
 @pytest.mark.parametrize("steep", [0.1, 1.0, 4.0])
 @pytest.mark.parametrize("towards_film", [True, False])
 @pytest.mark.parametrize("name", ASPHERES)
-def test_rays_meet_the_surface_that_the_sag_describes(name: str, towards_film: bool, steep: float) -> None:
+def test_rays_meet_the_surface_that_the_sag_describes(name, towards_film, steep):
     """Every ray that passes is on the surface; and one that crosses it once, within the rim, is not lost.
 
     The oracle looks at 4000 pieces of the ray for changes of the sign of z - sag(x, y).  With air on both sides nothing
@@ -106,7 +93,7 @@ def test_rays_meet_the_surface_that_the_sag_describes(name: str, towards_film: b
 
 
 @pytest.mark.parametrize("name", ASPHERES)
-def test_nothing_hangs_or_is_no_number(name: str) -> None:
+def test_nothing_hangs_or_is_no_number(name):
     rng = np.random.default_rng(6)
     starts = rng.normal(0.0, 10.0, (5000, 3))
     ways = unit(rng.normal(0.0, 1.0, (5000, 3)))
@@ -119,7 +106,7 @@ def test_nothing_hangs_or_is_no_number(name: str) -> None:
         assert not weights[:20].any()
 
 
-def test_spheres_among_other_shapes_are_spheres() -> None:
+def test_spheres_among_other_shapes_are_spheres():
     # Shapes have formulas of their own; an asphere without coefficients, and a conic of k = 0, are spheres too.
     rng = np.random.default_rng(7)
     starts = np.stack([*rng.uniform(-9.0, 9.0, (2, 2000)), np.full(2000, -30.0)], axis=1)
@@ -138,19 +125,19 @@ def test_spheres_among_other_shapes_are_spheres() -> None:
         np.testing.assert_allclose(other, one, rtol=0.0, atol=2e-14)
 
 
-def test_a_cylinder_bends_light_across_its_axis_only() -> None:
+def test_a_cylinder_bends_light_across_its_axis_only():
     heights = np.linspace(-9.0, 9.0, 19)
     sphere = Lens("round", (Element(0.02, 5.0, GLASS, 9.5), Element(0.0, 0.0, AIR, 9.5))).packed()
-    _, expected, bent = trace_rays(sphere, parallel(heights), (0.0, 0.0, 1.0))
+    _, expected, bent = trace_rays(sphere, *parallel(heights, 20.0, axis=1))
     for axis, across in (("x", 1), ("y", 0)):
         surface = Element(0.02, 5.0, GLASS, 9.5, "cylindrical", axis=axis)
         packed = Lens("cylinder", (surface, Element(0.0, 0.0, AIR, 9.5))).packed()
         # In the plane across the axis it is as a sphere; along the axis, as flat glass.
-        _, points, onward = trace_rays(packed, parallel(heights, across), (0.0, 0.0, 1.0))
+        _, points, onward = trace_rays(packed, *parallel(heights, 20.0, axis=across))
         np.testing.assert_allclose(points[:, across], expected[:, 1], rtol=0.0, atol=1e-14)
         np.testing.assert_allclose(onward[:, across], bent[:, 1], rtol=0.0, atol=1e-15)
         np.testing.assert_allclose(onward[:, 1 - across], 0.0, rtol=0.0, atol=0.0)
-        _, _, straight = trace_rays(packed, parallel(heights, 1 - across), (0.0, 0.0, 1.0))
+        _, _, straight = trace_rays(packed, *parallel(heights, 20.0, axis=1 - across))
         np.testing.assert_allclose(straight, np.tile((0.0, 0.0, 1.0), (19, 1)), rtol=0.0, atol=1e-15)
 
 
@@ -169,12 +156,12 @@ def test_a_cylinder_bends_light_across_its_axis_only() -> None:
         ({"thickness": -1.0}, "behind the next one"),
     ],
 )
-def test_what_is_no_surface_is_named(changes: dict[str, Any], words: str) -> None:
+def test_what_is_no_surface_is_named(changes, words):
     with pytest.raises(ValueError, match=f"^surface 2 .*{words}"):
         Lens("bad", (Element(0.0, 1.0, GLASS, 9.0), Element(0.02, 0.0, AIR, 9.0)._replace(**changes)))
 
 
-def test_two_stops_and_no_surfaces_are_named() -> None:
+def test_two_stops_and_no_surfaces_are_named():
     with pytest.raises(ValueError, match="a lens needs a surface"):
         Lens("empty", ())
     stop = Element(0.0, 1.0, AIR, 9.0, "stop", is_stop=True)

@@ -1,7 +1,6 @@
 """Pupils and f-numbers: lens formulas against traced rays."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,21 +18,18 @@ F, APART = 100.0, 20.0
 STOP = Element(0.0, APART, AIR, 5.0, "stop", is_stop=True)
 
 
-def lens_of(rows: Any) -> Lens:
+def lens_of(rows):
     return Lens(
         "rows", tuple(Element(1 / r if r else 0.0, t, constant_index_glass(n), a, is_stop=not r) for r, t, n, a in rows)
     )
 
 
-def thin(f: float, behind: float = 0.0, radius: float = 30.0) -> tuple[Element, Element]:
+def thin(f, behind=0.0, radius=30.0):
     """A biconvex lens without thickness: 1/f = (n - 1) 2 / R."""
     return Element(1.0 / f, 0.0, constant_index_glass(1.5), radius), Element(-1.0 / f, behind, AIR, radius)
 
 
-# ---- Pupils
-
-
-def test_a_stop_in_front_is_the_entrance_pupil_and_its_image_the_exit_pupil() -> None:
+def test_a_stop_in_front_is_the_entrance_pupil_and_its_image_the_exit_pupil():
     packed = Lens("stop first", (STOP, *thin(F))).packed()
     assert entrance_pupil(packed) == pytest.approx((0.0, 5.0))
     # 1 / s' = 1 / f - 1 / s: virtual, before the lens, and larger.
@@ -41,20 +37,20 @@ def test_a_stop_in_front_is_the_entrance_pupil_and_its_image_the_exit_pupil() ->
     assert exit_pupil(packed) == pytest.approx((APART + image, -5.0 * image / APART), rel=1e-12)
 
 
-def test_a_stop_behind_is_the_exit_pupil_and_its_image_the_entrance_pupil() -> None:
+def test_a_stop_behind_is_the_exit_pupil_and_its_image_the_entrance_pupil():
     packed = Lens("stop last", (*thin(F, APART), STOP)).packed()
     assert exit_pupil(packed) == pytest.approx((APART, 5.0))
     image = 1.0 / (1.0 / F - 1.0 / APART)
     assert entrance_pupil(packed) == pytest.approx((-image, -5.0 * image / APART), rel=1e-12)
 
 
-def test_a_stop_in_the_focal_plane_has_its_pupil_at_infinity() -> None:
+def test_a_stop_in_the_focal_plane_has_its_pupil_at_infinity():
     packed = Lens("telecentric", (*thin(128.0, 128.0), STOP)).packed()
     assert entrance_pupil(packed) == (math.inf, math.inf)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_rays_towards_a_pupils_middle_go_through_the_stops(side: float) -> None:
+def test_rays_towards_a_pupils_middle_go_through_the_stops(side):
     packed = lens_of(DOUBLE_GAUSS).packed()
     pupil = entrance_pupil(packed) if side > 0.0 else exit_pupil(packed)
     way = unit([0.0, 1e-4, side])[0]
@@ -66,7 +62,7 @@ def test_rays_towards_a_pupils_middle_go_through_the_stops(side: float) -> None:
         assert points[0, packed.stop, 1] == pytest.approx(expected, abs=1e-7)
 
 
-def test_parts_of_a_lens_are_the_lens() -> None:
+def test_parts_of_a_lens_are_the_lens():
     packed = lens_of(DOUBLE_GAUSS).packed()
     count = len(packed.vertex)
     whole = ray_transfer_matrix(packed)
@@ -85,7 +81,7 @@ def test_parts_of_a_lens_are_the_lens() -> None:
     np.testing.assert_array_equal((second, behind), (point, onward))
 
 
-def test_cylinders_have_power_across_their_axis_only() -> None:
+def test_cylinders_have_power_across_their_axis_only():
     c, n = 0.02, 1.5
     for axis, other in (("x", "y"), ("y", "x")):
         surface = Element(c, 1.0, constant_index_glass(n), 9.0, "cylindrical", axis=axis)
@@ -95,10 +91,7 @@ def test_cylinders_have_power_across_their_axis_only() -> None:
             cardinal_points(packed, axis)
 
 
-# ---- F-numbers
-
-
-def test_without_a_stop_the_rim_that_light_of_the_axis_fills_is_one() -> None:
+def test_without_a_stop_the_rim_that_light_of_the_axis_fills_is_one():
     assert Lens("singlet", thin(F)).stop() == 0
     narrow = (*thin(F, 10.0), Element(0.0, 3.0, constant_index_glass(1.5), 7.0), Element(0.0, 0.0, AIR, 9.0))
     assert Lens("narrow behind", narrow).stop() == 2
@@ -109,7 +102,7 @@ def test_without_a_stop_the_rim_that_light_of_the_axis_fills_is_one() -> None:
 
 
 @pytest.mark.parametrize("f_number", [2.018, 2.8, 5.6, 22.0, 1000.0])
-def test_the_stop_closes_to_the_f_number_asked_for(f_number: float) -> None:
+def test_the_stop_closes_to_the_f_number_asked_for(f_number):
     lens = lens_of(DOUBLE_GAUSS)
     radius = stop_radius_for(lens, f_number)
     assert f_number_of(lens.packed(stop_radius=radius)) == pytest.approx(f_number, rel=1e-12)
@@ -121,7 +114,7 @@ def test_the_stop_closes_to_the_f_number_asked_for(f_number: float) -> None:
     assert weights.tolist() == [1.0, 0.0]
 
 
-def test_a_lens_does_not_open_beyond_its_rims() -> None:
+def test_a_lens_does_not_open_beyond_its_rims():
     lens = lens_of(DOUBLE_GAUSS)
     widest = widest_f_number(lens)
     assert widest == pytest.approx(2.0, rel=0.01)

@@ -1,14 +1,12 @@
 """Focus: every shipped lens from infinity to the nearest plane that it can have sharp, at all stops."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from raytracer.optics.lens_system.first_order import entrance_pupil
 from raytracer.optics.lens_system.focusing import FOCUS_CRITERIA, focus_range, focus_shift
-from raytracer.optics.lens_system.lens import Lens
 from raytracer.optics.lens_system.lens_setup import stop_radius_for, widest_f_number
 from raytracer.scene.assets.lenses import read_lens
 from tests.optics.lens_system.rays import gone_through, unit
@@ -19,7 +17,7 @@ every_lens = pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem
 every_way = pytest.mark.parametrize("how", FOCUS_CRITERIA)
 
 
-def stops(lens: Lens, number: int) -> list[float]:
+def stops(lens, number):
     """Radii of the stop (mm): from the widest f-number to f/64 and beyond, to a hole of a thousandth."""
     widest = widest_f_number(lens)
     numbers = np.geomspace(widest, max(64.0, 2.0 * widest), number)
@@ -28,7 +26,7 @@ def stops(lens: Lens, number: int) -> list[float]:
     return [*radii, 1e-3 * radii[0]]
 
 
-def assert_sweep(lens: Lens, how: str, radius: float, steps: int) -> None:
+def assert_sweep(lens, how, radius, steps):
     """Every distance from infinity to the nearest one gives finite numbers; a nearer one is refused, and told why."""
     nearest = focus_range(lens, how, radius).nearest
     assert math.isfinite(nearest)
@@ -51,23 +49,23 @@ def assert_sweep(lens: Lens, how: str, radius: float, steps: int) -> None:
 
 @every_lens
 @every_way
-def test_focus_goes_from_infinity_to_the_nearest_plane(path: Path, how: str) -> None:
+def test_focus_goes_from_infinity_to_the_nearest_plane(path, how):
     lens = read_lens(path)
     for radius in stops(lens, 2):
-        assert_sweep(lens, how, radius, 4)
+        assert_sweep(lens, how, radius, 2)
 
 
 @pytest.mark.slow
 @every_lens
 @every_way
-def test_focus_at_all_stops(path: Path, how: str) -> None:
+def test_focus_at_all_stops(path, how):
     lens = read_lens(path)
     for radius in stops(lens, 13):
         assert_sweep(lens, how, radius, 40)
 
 
 @every_lens
-def test_what_is_focused_on_is_sharp(path: Path) -> None:
+def test_what_is_focused_on_is_sharp(path):
     """Light from the point of the axis, through the zone of 0.7 of the pupil, meets the axis on the film."""
     lens = read_lens(path)
     if not lens.is_round():

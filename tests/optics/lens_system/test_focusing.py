@@ -19,9 +19,7 @@ from raytracer.optics.lens_system.focusing import (
 )
 from raytracer.optics.lens_system.lens import Element, Focus, Lens
 from raytracer.optics.lens_system.ray_tracing import trace_rays
-from raytracer.optics.lens_system.surfaces import LensSurfaces
 from tests.optics.lens_system.kernels import DOUBLE_GAUSS
-from tests.optics.lens_system.rays import Array
 from tests.optics.lens_system.test_first_order import lens_of, thin
 
 WHOLE = lens_of(DOUBLE_GAUSS)
@@ -32,14 +30,14 @@ INNER = Lens("inner focus", (*thin(100.0, 40.0, 10.0), *thin(-150.0, 0.0, 20.0))
 FRONT = dataclasses.replace(INNER, focus=Focus("group", 1, 2))
 
 
-def spot(lens: LensSurfaces, distance: float, film: float) -> float:
+def spot(lens, distance, film):
     """Root mean square of distances on the film from the axis, of light of a point of it through all of the pupil."""
     pupil = entrance_pupil(lens)
     # Evenly by area over more than the pupil: each ring holds as much, and is as good as any of its points.
     rings = 1.5 * pupil.radius * np.sqrt((np.arange(8000) + 0.5) / 8000)
     turns = 2.4 * np.arange(8000)
     through = np.stack([rings * np.cos(turns), rings * np.sin(turns), np.full(8000, pupil.z)], axis=1)
-    ways: Array = np.broadcast_to(np.array([0.0, 0.0, 1.0]), through.shape)
+    ways = np.broadcast_to(np.array([0.0, 0.0, 1.0]), through.shape)
     if math.isfinite(distance):
         ways = through - np.array([0.0, 0.0, pupil.z - distance])
         ways = ways / np.linalg.norm(ways, axis=1)[:, None]
@@ -51,7 +49,7 @@ def spot(lens: LensSurfaces, distance: float, film: float) -> float:
 
 @pytest.mark.parametrize("distance", [math.inf, 2000.0, 1000.0])
 @pytest.mark.parametrize("lens", [WHOLE, SINGLET, INNER], ids=lambda lens: lens.name)
-def test_the_least_spot_is_least(lens: Lens, distance: float) -> None:
+def test_the_least_spot_is_least(lens, distance):
     shift, film = focus_shift(lens, distance, "rms")
     packed = lens.packed(shift=shift)
     steps = np.array([-0.02, -0.01, 0.0, 0.01, 0.02]) * cardinal_points(packed).focal_length
@@ -65,7 +63,7 @@ def test_the_least_spot_is_least(lens: Lens, distance: float) -> None:
 
 
 @pytest.mark.parametrize("h", [10.0, 4.0])
-def test_the_marginal_focus_is_that_of_the_zone_that_halves_the_area(h: float) -> None:
+def test_the_marginal_focus_is_that_of_the_zone_that_halves_the_area(h):
     # The worked number of the plano-convex lens, at 1 / sqrt(2) of the widest h.
     lens = SINGLET.stopped_down(h)
     zone = h * math.sqrt(0.5)
@@ -76,7 +74,7 @@ def test_the_marginal_focus_is_that_of_the_zone_that_halves_the_area(h: float) -
 
 @pytest.mark.parametrize("how", FOCUS_CRITERIA)
 @pytest.mark.parametrize("lens", [INNER, FRONT], ids=["rear moves", "front moves"])
-def test_a_group_that_moves_brings_planes_to_the_same_film(lens: Lens, how: str) -> None:
+def test_a_group_that_moves_brings_planes_to_the_same_film(lens, how):
     film = film_position(lens, how)
     nearest = focus_range(lens, how).nearest
     assert 100.0 < nearest < 2000.0
@@ -99,7 +97,7 @@ def test_a_group_that_moves_brings_planes_to_the_same_film(lens: Lens, how: str)
     assert (moved > 0.0).all() if lens is FRONT else (moved < 0.0).all()
 
 
-def test_newtons_equation_of_a_front_that_moves() -> None:
+def test_newtons_equation_of_a_front_that_moves():
     # A front of focal length f that images a plane at f + f^2 / e must go out by e, to leave its image where it was.
     lens = FRONT.stopped_down(0.01)
     extension = 8.0
@@ -107,7 +105,7 @@ def test_newtons_equation_of_a_front_that_moves() -> None:
     assert shift == pytest.approx(extension, rel=1e-6)
 
 
-def test_a_plane_nearer_than_a_lens_focuses_is_refused_with_the_nearest() -> None:
+def test_a_plane_nearer_than_a_lens_focuses_is_refused_with_the_nearest():
     for lens in (WHOLE, INNER, FRONT):
         for how in FOCUS_CRITERIA:
             nearest = focus_range(lens, how).nearest
@@ -120,7 +118,7 @@ def test_a_plane_nearer_than_a_lens_focuses_is_refused_with_the_nearest() -> Non
     assert focus_range(WHOLE.stopped_down(0.01)).nearest == pytest.approx(expected, rel=1e-4)
 
 
-def test_what_has_no_focus_is_named() -> None:
+def test_what_has_no_focus_is_named():
     with pytest.raises(ValueError, match="no image behind it"):
         focus_shift(Lens("diverging", thin(-100.0)), math.inf)
     with pytest.raises(ValueError, match="by marginal or rms, not by guess"):
@@ -135,10 +133,10 @@ def test_what_has_no_focus_is_named() -> None:
         dataclasses.replace(INNER, focus=Focus("group", 3, 9))
 
 
-def test_a_root_is_looked_for_by_so_many_images_at_most() -> None:
+def test_a_root_is_looked_for_by_so_many_images_at_most():
     asked = []
 
-    def jumping(place: float) -> float:
+    def jumping(place):
         # A pole and no root between any two places, as of a lens whose image jumps.
         asked.append(place)
         return 1.0 / math.sin(math.pi * (place + 0.3))
@@ -152,5 +150,5 @@ def test_a_root_is_looked_for_by_so_many_images_at_most() -> None:
     assert _find_root(lambda x: jumping(x) if x < 1.0 else 1.5 - x, np.arange(3.0)) == pytest.approx(1.5)
 
 
-def test_places_without_light_between_two_with_some_are_no_root() -> None:
+def test_places_without_light_between_two_with_some_are_no_root():
     assert _find_root(lambda place: place - 0.5 if place in (0.0, 1.0) else math.nan, np.arange(2.0)) is None

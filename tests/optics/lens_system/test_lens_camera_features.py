@@ -3,26 +3,19 @@
 import json
 import math
 import shutil
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
-import raytracer as rt
 from raytracer.analysis.explain import explain
 from raytracer.analysis.sweep.run import sweep
 from raytracer.cli.base.app import main
-from raytracer.optics.to_yaml import spec_to_plain
 from raytracer.rendering.render import render
-from raytracer.rendering.session import Rendered
 from raytracer.scene.bundle import bundle, unbundle
 from raytracer.scene.digest import digest
 from raytracer.scene.files import input_files
-from raytracer.scene.load import build, build_plain, load
+from raytracer.scene.load import build, load
 from raytracer.scene.pack.scene import pack
-from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import SceneError
 from tests.repository import SCENES
 
@@ -36,9 +29,10 @@ CAMERA = (
 
 WALL = "  - {type: quad, corner: [-9, -9, -4], edges: [[18, 0, 0], [0, 18, 0]], material: MATERIAL}\n"
 SHINING = "{type: emitter, radiance: {type: checker, scale: 0.3, even: [0.1, 0.4, 0.7], odd: 1}}"
+SHINING_WALL = WALL.replace("MATERIAL", SHINING)
 
 
-def text(camera: str = "", objects: str = WALL.replace("MATERIAL", SHINING), rest: str = "", **render: Any) -> str:
+def text(camera="", objects=SHINING_WALL, rest="", **render):
     settings = {"spp": 16, "max_depth": 1, "sampler": "sobol", **render}
     return (
         f"camera: {{{CAMERA}{camera}}}\nfilm: {{width: 24, height: 16}}\n"
@@ -46,21 +40,18 @@ def text(camera: str = "", objects: str = WALL.replace("MATERIAL", SHINING), res
     ).replace("LENS", f"'{LENS}'")
 
 
-def scene(*arguments: Any, **keys: Any) -> SceneSpec:
+def scene(*arguments, **keys):
     return build(text(*arguments, **keys), "test.yaml")
 
 
-def taken(spec: SceneSpec, **settings: Any) -> Rendered:
+def taken(spec, **settings):
     result = render(spec, threads=2, seed=3, **settings)
     assert result.stats.nan_samples == 0
     return result
 
 
-# ---- Files
-
-
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     """A scene with its lens beside it."""
     home = tmp_path / "home"
     home.mkdir()
@@ -69,12 +60,12 @@ def folder(tmp_path: Path) -> Path:
     return home
 
 
-def test_the_lens_is_among_the_files_of_the_scene(folder: Path) -> None:
+def test_the_lens_is_among_the_files_of_the_scene(folder):
     (found,) = input_files(load(folder / "scene.yaml"))
     assert (found.keys, found.name, found.kind) == (("camera", "lens"), "glass.yaml", "lens")
 
 
-def test_what_is_in_the_lens_counts(folder: Path) -> None:
+def test_what_is_in_the_lens_counts(folder):
     before = digest(load(folder / "scene.yaml"))
     (folder / "other.yaml").write_text((folder / "glass.yaml").read_text())
     same = load(folder / "scene.yaml", {"camera.lens": "other.yaml"})
@@ -83,7 +74,7 @@ def test_what_is_in_the_lens_counts(folder: Path) -> None:
     assert digest(load(folder / "scene.yaml")) != before
 
 
-def test_a_bundle_takes_the_lens_along(folder: Path, tmp_path: Path) -> None:
+def test_a_bundle_takes_the_lens_along(folder, tmp_path):
     spec = load(folder / "scene.yaml")
     expected, rays = digest(spec), pack(spec).scene.camera
     packed = bundle(spec)
@@ -95,32 +86,7 @@ def test_a_bundle_takes_the_lens_along(folder: Path, tmp_path: Path) -> None:
     assert again.frame == rays.frame
 
 
-def test_a_scene_in_code_is_the_scene_of_its_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(folder)
-    camera = rt.camera.lens(
-        lens="glass.yaml",
-        look_from=[0, 0, 0],
-        look_at=[0, 0, -1],
-        sensor="full_frame",
-        f_number=4,
-        focus_distance=4,
-    )
-    written = load(folder / "scene.yaml")
-    made = rt.Scene(camera=camera, film=written.film, render=written.render, objects=written.objects)
-    assert digest(made) == digest(written)
-
-
-def test_what_is_dumped_is_loaded_again(folder: Path) -> None:
-    spec = load(folder / "scene.yaml")
-    values = spec_to_plain(spec)
-    assert values["camera"]["lens"] == "glass.yaml"
-    json.dumps(values)
-    again = build_plain(yaml.safe_load(yaml.safe_dump(values)), base=folder)
-    assert again.camera == spec.camera
-    assert digest(again) == digest(spec)
-
-
-def test_rt_validate(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rt_validate(folder, capsys):
     assert main(["validate", str(folder / "scene.yaml")]) == 0
     broken = (folder / "glass.yaml").read_text().replace("29.475", "nonsense", 1)
     (folder / "glass.yaml").write_text(broken)
@@ -146,7 +112,7 @@ def test_rt_validate(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         ("focus_distance: 4", "focus_distance: 4, focal_length: 50", "camera.focal_length"),
     ],
 )
-def test_what_no_lens_can_do_is_told_by_its_key(old: str, new: str, words: str) -> None:
+def test_what_no_lens_can_do_is_told_by_its_key(old, new, words):
     broken = text().replace(f"'{LENS}'", "LENS").replace(old, new).replace("LENS", f"'{LENS}'")
     with pytest.raises(SceneError, match=words) as caught:
         pack(build(broken, "test.yaml"))
@@ -154,7 +120,7 @@ def test_what_no_lens_can_do_is_told_by_its_key(old: str, new: str, words: str) 
     assert "\n" not in str(caught.value)
 
 
-def test_scenes_far_away_see_the_same() -> None:
+def test_scenes_far_away_see_the_same():
     near, far = (
         pack(build(text().replace("[0, 0, 0]", f"[{x}, 0, 0]").replace("[0, 0, -1]", f"[{x}, 0, -1]"), "a.yaml"))
         for x in (0, 1024)
@@ -162,10 +128,7 @@ def test_scenes_far_away_see_the_same() -> None:
     assert far.scene.camera.frame.origin[0] - near.scene.camera.frame.origin[0] == pytest.approx(1024.0, abs=1e-9)
 
 
-# ---- What is said
-
-
-def test_effects_and_numbers() -> None:
+def test_effects_and_numbers():
     found = explain(scene(", shutter: 1/100 s, iso: 100"))
     for name in ("real_lens", "defocus", "vignetting", "projection", "exposure"):
         assert found.effects[name].active, name
@@ -179,7 +142,7 @@ def test_effects_and_numbers() -> None:
     assert found.camera["dfov_deg"] == pytest.approx(2.0 * math.degrees(math.atan(0.5 * sensor / 50.7)), rel=0.02)
 
 
-def test_a_sharp_point_is_in_focus_and_another_is_not() -> None:
+def test_a_sharp_point_is_in_focus_and_another_is_not():
     ball = "  - {type: sphere, name: NAME, center: [0, 0, Z], radius: 0.1}\n"
     objects = ball.replace("NAME", "sharp").replace("Z", "-4") + ball.replace("NAME", "soft").replace("Z", "-2")
     found = explain(scene("", objects, "environment: {type: constant, radiance: 1}\n")).objects
@@ -191,17 +154,14 @@ def test_a_sharp_point_is_in_focus_and_another_is_not() -> None:
 
 
 @pytest.mark.parametrize("how", ["focus_on: ball", "focus_at: [0.5, 0.5]"])
-def test_focus_on_what_is_there(how: str) -> None:
+def test_focus_on_what_is_there(how):
     objects = "  - {type: sphere, name: ball, center: [0, 0, -3], radius: 0.5}\n"
     spec = build(text("", objects).replace("focus_distance: 4", how), "test.yaml")
     expected = 3.0 if "on" in how else 2.5
     assert pack(spec).spec.camera.focus_distance == pytest.approx(expected, abs=1e-6)
 
 
-# ---- Pictures
-
-
-def test_crops_and_threads_take_the_same_samples() -> None:
+def test_crops_and_threads_take_the_same_samples():
     spec = scene(spp=32)
     whole = taken(spec).image
     part = taken(spec, crop=(5, 3, 20, 14)).image
@@ -211,7 +171,7 @@ def test_crops_and_threads_take_the_same_samples() -> None:
     assert 0.05 < whole.radiance.mean() < 1.0
 
 
-def test_a_noise_limit_is_kept() -> None:
+def test_a_noise_limit_is_kept():
     spec = scene(spp=4096)
     limited = taken(spec, noise=0.05)
     assert limited.stats.spp["most"] < 4096
@@ -221,7 +181,7 @@ def test_a_noise_limit_is_kept() -> None:
 
 
 @pytest.mark.slow
-def test_layers_are_those_of_the_scene() -> None:
+def test_layers_are_those_of_the_scene():
     found = taken(scene(spp=64), aovs=["depth", "position", "normal", "object_id"]).image.layers
     # Distances along the axis are those of the wall, from wherever on the glass rays leave it.
     np.testing.assert_allclose(found["depth"], 4.0, rtol=0.0, atol=1e-6)
@@ -236,7 +196,7 @@ def test_layers_are_those_of_the_scene() -> None:
 
 
 @pytest.mark.slow
-def test_motion_is_that_of_the_thin_lens() -> None:
+def test_motion_is_that_of_the_thin_lens():
     """Near the axis, where the double Gauss distorts by less than a per cent."""
     moving = WALL.replace("MATERIAL}", "{type: lambertian}, motion: {velocity: [0.3, -0.2, 0]}}")
     spec = scene(", shutter: 1", moving)
@@ -249,7 +209,7 @@ def test_motion_is_that_of_the_thin_lens() -> None:
 
 
 @pytest.mark.slow
-def test_a_rolling_shutter_skews() -> None:
+def test_a_rolling_shutter_skews():
     """A shining bar that goes sideways leans, by v readout; its middle in each row is that of the thin lens."""
     bar = (
         "  - {type: quad, corner: [-0.05, -9, -4], edges: [[0.1, 0, 0], [0, 18, 0]], "
@@ -264,7 +224,7 @@ def test_a_rolling_shutter_skews() -> None:
 
 
 @pytest.mark.slow
-def test_a_camera_that_moves_sees_what_a_world_that_moves_shows() -> None:
+def test_a_camera_that_moves_sees_what_a_world_that_moves_shows():
     still = taken(scene(", shutter: 1, motion: {velocity: [0.2, 0, 0]}", spp=256)).image.radiance
     moving = WALL.replace("MATERIAL}", f"{SHINING}, motion: {{velocity: [-0.2, 0, 0]}}}}")
     # Textures of a wall go along with it.
@@ -273,7 +233,7 @@ def test_a_camera_that_moves_sees_what_a_world_that_moves_shows() -> None:
 
 
 @pytest.mark.slow
-def test_a_camera_in_fog_sees_through_it() -> None:
+def test_a_camera_in_fog_sees_through_it():
     """What shines 4 m before the entrance pupil is dimmer by exp(-sigma s), with s from the front of the glass."""
     plain_wall = WALL.replace("MATERIAL", "{type: emitter, radiance: 1}")
     clear = taken(scene("", plain_wall, spp=64)).image.radiance
@@ -285,7 +245,7 @@ def test_a_camera_in_fog_sees_through_it() -> None:
 
 
 @pytest.mark.slow
-def test_a_camera_under_water_finds_out_what_it_stands_in() -> None:
+def test_a_camera_under_water_finds_out_what_it_stands_in():
     """A lens in a box of water with a priority: its rays begin in water, and leave it as those of a pinhole do."""
     water = (
         "  - {type: box, min: [-50, -50, -2], max: [50, 50, 50], "
@@ -304,7 +264,7 @@ def test_a_camera_under_water_finds_out_what_it_stands_in() -> None:
 
 
 @pytest.mark.slow
-def test_a_stop_with_blades_blurs_as_one() -> None:
+def test_a_stop_with_blades_blurs_as_one():
     """Of a square that stands on a corner <x^2 y^2> / <x^2> <y^2> is 36 / 90, and of a disc 16 / 24."""
     spot = (
         "  - {type: disc, center: [0, 0, -30], normal: [0, 0, 1], radius: 0.03, "
@@ -326,11 +286,8 @@ def test_a_stop_with_blades_blurs_as_one() -> None:
     assert square == pytest.approx(36.0 / 90.0, rel=0.2)
 
 
-# ---- Sweeps
-
-
 @pytest.mark.slow
-def test_a_sweep_is_its_single_renders(folder: Path) -> None:
+def test_a_sweep_is_its_single_renders(folder):
     values = {"camera.f_number": [2.8, 8.0], "camera.focus_distance": [2.0, math.inf], "camera.flare": [False]}
     done = sweep(folder / "scene.yaml", values, folder=folder / "out", threads=2)
     assert [item.status for item in done.results] == ["done"] * 4

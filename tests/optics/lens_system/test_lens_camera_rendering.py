@@ -1,14 +1,11 @@
 """The lens camera: a thin piece of glass is a thin lens, and light on the film is what brute force finds."""
 
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from raytracer.rendering.render import render
-from raytracer.rendering.session import Rendered
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack
 from tests.optics.lens_system.brute_force import by_brute_force
@@ -38,9 +35,7 @@ objects: [{type: sphere, center: [0, 0, 900], radius: 1, material: {type: lamber
 """
 
 
-def taken(
-    camera: str, rest: str, *, width: int, height: int, spp: int, seed: int = 1, sampler: str = "sobol"
-) -> Rendered:
+def taken(camera, rest, *, width, height, spp, seed=1, sampler="sobol"):
     """A picture by this camera, of camera rays alone."""
     text = (
         f"camera: {{{LOOK}, {camera}}}\nfilm: {{width: {width}, height: {height}}}\n"
@@ -51,16 +46,13 @@ def taken(
     return result
 
 
-def packed_camera(camera: str, width: int, height: int) -> Any:
+def packed_camera(camera, width, height):
     text = f"camera: {{{LOOK}, {camera}}}\nfilm: {{width: {width}, height: {height}}}\n{SKY}"
     return pack(build(text, "test.yaml", allow_files="/")).scene.camera
 
 
-# ---- A thin piece of glass
-
-
 @pytest.mark.parametrize("focus", ["1.5", ".inf"])
-def test_a_thin_piece_of_glass_is_a_thin_lens(tmp_path: Path, focus: str) -> None:
+def test_a_thin_piece_of_glass_is_a_thin_lens(tmp_path, focus):
     """f/16 and 3 degrees: the glass's own errors are far below a pixel of 0.05 mm, and what is out of focus is not.
 
     Spherical aberration of equiconvex glass is 1.67 h^2 / f along the axis (Kingslake, Johnson 2010, sec. 6.3), 0.0025
@@ -68,11 +60,9 @@ def test_a_thin_piece_of_glass_is_a_thin_lens(tmp_path: Path, focus: str) -> Non
     """
     path = thin(tmp_path, 50.0, 8.0)
     film = f"sensor: {{width: 2.4, height: 1.6}}, f_number: 16, focus_distance: {focus}"
-    size: dict[str, Any] = {"width": 48, "height": 32, "spp": 256, "sampler": "independent"}
+    size = {"width": 48, "height": 32, "spp": 256, "sampler": "independent"}
     real = taken(f"type: lens, lens: '{path}', {film}", BOARDS, **size, seed=1).image
     ideal = taken(f"type: thin_lens, focal_length: 50, {film}", BOARDS, **size, seed=2).image
-    assert real.variance is not None
-    assert ideal.variance is not None
     # Some rays in a hundred miss the pupil, which the bounds that they are drawn from are larger than: a pixel may have
     # none of these, and a variance of 0.
     missing = 0.006 * ideal.radiance**2 / 256.0
@@ -90,7 +80,7 @@ def test_a_thin_piece_of_glass_is_a_thin_lens(tmp_path: Path, focus: str) -> Non
 
 
 @pytest.mark.parametrize("f_number", [8.0, 16.0])
-def test_exposure_of_thin_glass_is_that_of_the_thin_lens(tmp_path: Path, f_number: float) -> None:
+def test_exposure_of_thin_glass_is_that_of_the_thin_lens(tmp_path, f_number):
     """E = pi L / (4 N^2 (1 + m)^2) on the axis; close focus at 0.5 m: (1 + m)^2 = 1.2346."""
     path = thin(tmp_path, 50.0, 8.0)
     exposed = f"sensor: full_frame, f_number: {f_number}, iso: 100, shutter: 1/100 s"
@@ -108,7 +98,7 @@ def test_exposure_of_thin_glass_is_that_of_the_thin_lens(tmp_path: Path, f_numbe
 
 
 @pytest.mark.parametrize("f_number", [2.0, 2.8, 4.0, 8.0, 22.0])
-def test_exposure_on_the_axis_is_that_of_the_f_number(f_number: float) -> None:
+def test_exposure_on_the_axis_is_that_of_the_f_number(f_number):
     """E = pi L / (4 N^2) with focus at infinity: a lens corrected for coma obeys Abbe's sine condition."""
     exposed = f"f_number: {f_number}, iso: 100, shutter: 1/100 s, focus_distance: .inf, dispersion: false"
     camera = packed_camera(f"type: lens, lens: '{DOUBLE_GAUSS}', {exposed}", 36, 24)
@@ -116,14 +106,11 @@ def test_exposure_on_the_axis_is_that_of_the_f_number(f_number: float) -> None:
     assert weights.mean() == pytest.approx(math.pi / (4.0 * f_number**2), rel=0.01)
 
 
-# ---- Relative illumination
-
-
 @pytest.mark.parametrize(("f_number", "focus"), [(2.0, ".inf"), (2.0, "0.6"), (4.0, "3"), (16.0, ".inf")])
-def test_relative_illumination_is_that_of_brute_force(f_number: float, focus: str) -> None:
+def test_relative_illumination_is_that_of_brute_force(f_number, focus):
     exposed = f"f_number: {f_number}, iso: 100, shutter: 1/100 s, focus_distance: {focus}, dispersion: false"
     camera = packed_camera(f"type: lens, lens: '{DOUBLE_GAUSS}', {exposed}", 3600, 2400)
-    places, count = np.linspace(0.0, 21.4, 24), 20000
+    places, count = np.linspace(0.0, 21.4, 10), 20000
     expected = by_brute_force(camera, places)
     # Along a diagonal of the film.
     pixels = places / camera.film.pixel
@@ -138,7 +125,7 @@ def test_relative_illumination_is_that_of_brute_force(f_number: float, focus: st
     assert relative[-1] < (0.4 if f_number == 2.0 else 0.8)
 
 
-def test_the_radial_profile_of_a_uniform_sky_has_no_rings() -> None:
+def test_the_radial_profile_of_a_uniform_sky_has_no_rings():
     """Second differences of the mean brightness of rings of the picture are those of its noise and of a smooth curve.
 
     A program whose bounds of the pupil change from bin to bin of the radius without the weight of their area, or cut

@@ -1,8 +1,5 @@
 """Packets of eight rays agree with single rays."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -14,10 +11,8 @@ from raytracer.optics.lens_system.focusing import film_position
 from raytracer.optics.lens_system.lens import Element, Lens
 from raytracer.optics.lens_system.packets import DIRECTION, ORIGIN, ROWS, WAVELENGTH, WEIGHT, trace_packet
 from raytracer.optics.lens_system.ray_tracing import trace_rays
-from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.plugins.apertures.polygon import PolygonAperture
 from raytracer.scene.assets.lenses import read_lens
-from tests.optics.lens_system.rays import Array
 from tests.optics.lens_system.test_aspheres import ASPHERES
 from tests.repository import SCENES
 
@@ -25,7 +20,7 @@ SHIPPED = sorted((SCENES / "lenses").glob("*.yaml"))
 
 
 @entry
-def _trace(lens, rays, packet):
+def trace_in_packets(lens, rays, packet):
     for first in range(0, rays.shape[1], WIDTH):
         for row in range(WEIGHT + 1):
             for lane in range(WIDTH):
@@ -36,13 +31,13 @@ def _trace(lens, rays, packet):
                 rays[row, first + lane] = packet[row, lane]
 
 
-def assert_alike(lens: LensSurfaces, starts: Array, ways: Array, *, lit: float) -> None:
+def assert_alike(lens, starts, ways, *, lit):
     """Packets of rays to the scene (n, 3) end as single rays do; of these a part of at least `lit` gets through."""
     wavelengths = np.linspace(400.0, 700.0, len(starts))
     rays = np.zeros((WEIGHT + 1, len(starts)))
     rays[ORIGIN : ORIGIN + 3], rays[DIRECTION : DIRECTION + 3] = starts.T, ways.T
     rays[WAVELENGTH], rays[WEIGHT] = wavelengths, 1.0
-    _trace(lens, rays, np.zeros((ROWS, WIDTH)))
+    trace_in_packets(lens, rays, np.zeros((ROWS, WIDTH)))
     weights, points, onward = trace_rays(lens, starts, ways, False, wavelengths)
     np.testing.assert_array_equal(rays[WEIGHT], weights)
     passed = weights > 0.0
@@ -52,7 +47,7 @@ def assert_alike(lens: LensSurfaces, starts: Array, ways: Array, *, lit: float) 
     np.testing.assert_allclose(rays[DIRECTION : DIRECTION + 3, passed].T, onward[passed], rtol=0.0, atol=1e-12)
 
 
-def to_the_pupil(lens: Lens, packed: LensSurfaces, count: int) -> tuple[Array, Array]:
+def to_the_pupil(lens, packed, count):
     """Rays from the middle half of the film towards the exit pupil and a bit beside it."""
     rng = np.random.default_rng(1)
     film, pupil = film_position(lens), exit_pupil(packed)
@@ -64,14 +59,14 @@ def to_the_pupil(lens: Lens, packed: LensSurfaces, count: int) -> tuple[Array, A
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_packets_go_as_single_rays_through_shipped_lenses(path: Path) -> None:
+def test_packets_go_as_single_rays_through_shipped_lenses(path):
     lens = read_lens(path)
     packed = lens.packed(dispersion=True)
     assert_alike(packed, *to_the_pupil(lens, packed, 4096), lit=0.2)
 
 
 @pytest.mark.parametrize("name", ASPHERES)
-def test_packets_meet_surfaces_of_all_shapes_as_single_rays_do(name: str) -> None:
+def test_packets_meet_surfaces_of_all_shapes_as_single_rays_do(name):
     element = ASPHERES[name]
     rng, count, radius = np.random.default_rng(2), 4096, element.radius
     # From within glass, at all angles: some are totally reflected, some miss, some come along the surface.
@@ -84,20 +79,20 @@ def test_packets_meet_surfaces_of_all_shapes_as_single_rays_do(name: str) -> Non
 
 
 @pytest.mark.parametrize("aperture", [PolygonAperture(blades=5), PolygonAperture(blades=6, curvature=0.5)])
-def test_packets_know_the_shape_of_the_diaphragm(aperture: Any) -> None:
+def test_packets_know_the_shape_of_the_diaphragm(aperture):
     (path,) = [path for path in SHIPPED if path.stem == "double-gauss-50mm"]
     lens = read_lens(path)
     shaped = lens.packed(stop_radius=4.0, diaphragm=aperture.pack({}))
     assert_alike(shaped, *to_the_pupil(lens, lens.packed(stop_radius=4.0), 4096), lit=0.2)
 
 
-def test_what_is_lost_stays_lost_and_is_no_danger_to_the_others() -> None:
+def test_what_is_lost_stays_lost_and_is_no_danger_to_the_others():
     lens = Lens("ball", (Element(0.1, 20.0, constant_index_glass(1.5), 10.0), Element(-0.1, 0.0, AIR, 10.0))).packed()
     rays = np.zeros((WEIGHT + 1, WIDTH))
     rays[ORIGIN + 2], rays[DIRECTION + 2], rays[WAVELENGTH], rays[WEIGHT] = 30.0, -1.0, 550.0, 1.0
     rays[ORIGIN] = [0.0, 1.0, np.nan, np.inf, 50.0, 2.0, 1e300, 0.0]
     rays[WEIGHT, 7] = 0.0
     rays[DIRECTION, 5], rays[DIRECTION + 2, 5] = 1.0, 0.0
-    _trace(lens, rays, np.zeros((ROWS, WIDTH)))
+    trace_in_packets(lens, rays, np.zeros((ROWS, WIDTH)))
     assert rays[WEIGHT].tolist() == [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     assert np.isfinite(rays[:, :2]).all()

@@ -2,61 +2,43 @@
 
 import itertools
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from raytracer.core.compiler.dispatch import entry
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.focusing import focus_shift
-from raytracer.optics.lens_system.lens import Lens
 from raytracer.optics.lens_system.lens_setup import stop_radius_for, widest_f_number
 from raytracer.optics.lens_system.pupils import build, search, transmission
 from raytracer.optics.lens_system.pupils.build import load_pupil_table
 from raytracer.optics.lens_system.pupils.search import on_axis_solid_angle
 from raytracer.optics.lens_system.pupils.tables import QuadrantPupilTable, RadialPupilTable, sample_exit_pupil
 from raytracer.optics.lens_system.pupils.transmission import exit_pupil_plane, transmitted_fraction
-from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.plugins.apertures.polygon import PolygonAperture
 from raytracer.scene.assets.lenses import read_lens
-from tests.optics.lens_system.rays import Array
 from tests.repository import SCENES
+from tests.vectorised import rows, vectorised
 
 SHIPPED = {path.stem: path for path in sorted((SCENES / "lenses").glob("*.yaml"))}
 QUICK = ("double-gauss-50mm", "fisheye-10mm", "phone-3.7mm")
 SEEN = (380.0, 500.0, 780.0)
 
 
-@entry
-def _aims(pupils, x, y, discs, out):
-    for index in range(len(discs)):
-        out[index, 0], out[index, 1], out[index, 2] = sample_exit_pupil(pupils, x, y, discs[index, 0], discs[index, 1])
-
-
-def aims(pupils: Any, x: float, y: float, discs: Array) -> tuple[Array, float]:
+def aims(pupils, x, y, discs):
     """Points (n, 2) that points of the unit disc (n, 2) are taken to, and the area of what they fill."""
-    out = np.empty((len(discs), 3))
-    _aims(pupils, x, y, np.ascontiguousarray(discs), out)
-    assert (out[:, 2] == out[0, 2]).all()
-    return out[:, :2].copy(), float(out[0, 2])
+    right, up, area = vectorised(sample_exit_pupil)(pupils, x, y, *map(rows, discs.T)).T
+    assert (area == area[0]).all()
+    return np.stack([right, up], axis=1), float(area[0])
 
 
-def disc(count: int, *, reach: float = 1.0) -> Array:
+def disc(count, *, reach=1.0):
     """Points spread evenly over a disc: Vogel 1979, "A Better Way to Construct the Sunflower Head"."""
     number = np.arange(count)
     radius, angle = reach * np.sqrt((number + 0.5) / count), number * math.pi * (3.0 - math.sqrt(5.0))
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
 
-def half_of(lens: Lens) -> tuple[float, float]:
-    """Half the sides of a film (mm) that is a bit larger than a lens's picture."""
-    circle = lens.image_circle or 40.0
-    return 0.45 * circle, 0.3 * circle
-
-
-def set_up(name: str, f_number: float | None, distance: float) -> tuple[Lens, LensSurfaces, float]:
+def set_up(name, f_number, distance):
     """A shipped lens, packed as a camera does for a picture in colours, and where its film is."""
     lens = read_lens(SHIPPED[name])
     radius = None if f_number is None else stop_radius_for(lens, f_number)
@@ -64,10 +46,10 @@ def set_up(name: str, f_number: float | None, distance: float) -> tuple[Lens, Le
     return lens, lens.packed(stop_radius=radius, shift=focus.shift, dispersion=True), focus.film
 
 
-def check_bounds(name: str, f_number: float | None, distance: float, places: int) -> None:
+def check_bounds(name, f_number, distance, places):
     """What passes lies within the bounds, from random places of the film and at random wavelengths."""
     lens, surfaces, film = set_up(name, f_number, distance)
-    half = half_of(lens)
+    half = (0.45 * lens.image_circle, 0.3 * lens.image_circle)
     pupils = load_pupil_table(surfaces, film, half, SEEN, is_round=lens.is_round())
     rng = np.random.default_rng(7)
     discs = disc(20_000, reach=1.25)
@@ -89,13 +71,13 @@ def check_bounds(name: str, f_number: float | None, distance: float, places: int
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_bounds_hold_the_pupil(name: str) -> None:
+def test_bounds_hold_the_pupil(name):
     check_bounds(name, None, math.inf, 12)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHIPPED)
-def test_bounds_hold_the_pupil_of_all_lenses(name: str) -> None:
+def test_bounds_hold_the_pupil_of_all_lenses(name):
     lens = read_lens(SHIPPED[name])
     widest = widest_f_number(lens)
     for f_number in (None, 1.7 * widest, 4.0 * widest):
@@ -103,7 +85,7 @@ def test_bounds_hold_the_pupil_of_all_lenses(name: str) -> None:
             check_bounds(name, f_number, distance, 40)
 
 
-def test_bounds_of_a_lens_with_cylinders_are_on_the_side_of_the_place() -> None:
+def test_bounds_of_a_lens_with_cylinders_are_on_the_side_of_the_place():
     # What is mirrored is the place, so the middle of the ellipse is too, on whichever side of the axis it lies.
     pupils = QuadrantPupilTable(np.broadcast_to([-0.5, 0.25, 2.0, 3.0], (2, 2, 4)).copy(), 0.1, 0.1)
     for x, y in itertools.product((-3.0, 3.0), (-4.0, 4.0)):
@@ -113,7 +95,7 @@ def test_bounds_of_a_lens_with_cylinders_are_on_the_side_of_the_place() -> None:
         assert area == pytest.approx(6.0 * math.pi)
 
 
-def test_bounds_of_a_stop_that_is_not_round_hold_its_corners() -> None:
+def test_bounds_of_a_stop_that_is_not_round_hold_its_corners():
     _, round_stop, film = set_up("double-gauss-50mm", 5.6, math.inf)
     shaped = round_stop._replace(diaphragm=PolygonAperture(blades=5).pack({}))
     pupils = load_pupil_table(shaped, film, (18.0, 12.0), SEEN, is_round=True)
@@ -134,7 +116,7 @@ def test_bounds_of_a_stop_that_is_not_round_hold_its_corners() -> None:
     assert area == pytest.approx(seen * 2.0 * math.pi / 5.0 / math.sin(2.0 * math.pi / 5.0), rel=0.04)
 
 
-def test_light_does_not_depend_on_the_bounds() -> None:
+def test_light_does_not_depend_on_the_bounds():
     """Area times the part that passes, of what is aimed at, is the pupil's area, which a plain grid gives too.
 
     Between places of the table and at them: second differences along the radius are those of a smooth curve, where
@@ -157,18 +139,18 @@ def test_light_does_not_depend_on_the_bounds() -> None:
     assert second[at_places].mean() < 2.0 * second[~at_places].mean()
 
 
-def _area(surfaces: LensSurfaces, film: float, pupils: Any, radius: float) -> float:
+def _area(surfaces, film, pupils, radius):
     points, area = aims(pupils, radius, 0.0, disc(40_000))
     return area * float(transmitted_fraction(surfaces, (radius, 0.0, film), points, LINE_D).mean())
 
 
-def _brute(surfaces: LensSurfaces, film: float, radius: float) -> float:
+def _brute(surfaces, film, radius):
     size = 1.6 * float(surfaces.radius.max())
     points = disc(400_000, reach=size)
     return math.pi * size**2 * float(transmitted_fraction(surfaces, (radius, 0.0, film), points, LINE_D).mean())
 
 
-def test_light_on_the_axis_is_that_of_the_cone() -> None:
+def test_light_on_the_axis_is_that_of_the_cone():
     # pi sin^2 for a round pupil; for any other the integral, here of what is round too.
     _, surfaces, film = set_up("double-gauss-50mm", 2.8, math.inf)
     closed = on_axis_solid_angle(surfaces, film, LINE_D, is_round=True)
@@ -177,7 +159,7 @@ def test_light_on_the_axis_is_that_of_the_cone() -> None:
     assert closed == pytest.approx(math.pi / (4.0 * 2.8**2), rel=0.01)
 
 
-def test_tables_are_kept_and_a_damaged_one_is_made_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_tables_are_kept_and_a_damaged_one_is_made_again(monkeypatch, tmp_path):
     monkeypatch.setattr(build, "CACHE_FOLDER", tmp_path / "not yet there")
     lens, surfaces, film = set_up("plano-convex-100mm", None, math.inf)
     first = load_pupil_table(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=lens.is_round())
@@ -196,11 +178,11 @@ def test_tables_are_kept_and_a_damaged_one_is_made_again(monkeypatch: pytest.Mon
     assert len(made) == 2
 
 
-def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+def counted(monkeypatch):
     """Count the rays that each search traces from here on, without tables on the disk."""
     rays, trace = [], transmission._trace_to_plane
 
-    def through(lens: Any, film: Any, plane: Any, wavelength: Any, targets: Array, *rest: Any) -> None:
+    def through(lens, film, plane, wavelength, targets, *rest):
         rays.append(len(targets))
         trace(lens, film, plane, wavelength, targets, *rest)
 
@@ -210,7 +192,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return rays
 
 
-def test_how_far_a_pupil_reaches_is_found_by_few_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_how_far_a_pupil_reaches_is_found_by_few_rays(monkeypatch):
     # Wide open, the ellipses of most places must grow by a hundredth or two: 260,000 rays, and 1.8 million when each
     # was looked at to 1.6 times its size.
     _, surfaces, film = set_up("double-gauss-50mm", None, math.inf)
@@ -220,7 +202,7 @@ def test_how_far_a_pupil_reaches_is_found_by_few_rays(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.slow
-def test_the_pupil_of_a_lens_with_cylinders_is_within_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_pupil_of_a_lens_with_cylinders_is_within_the_limit(monkeypatch):
     _, surfaces, film = set_up("anamorphic-75mm", None, 2000.0)
     rays = counted(monkeypatch)
     load_pupil_table(surfaces, film, (12.45, 9.35), SEEN, is_round=False)
@@ -228,7 +210,7 @@ def test_the_pupil_of_a_lens_with_cylinders_is_within_the_limit(monkeypatch: pyt
 
 
 @pytest.mark.parametrize("name", ["double-gauss-50mm", "anamorphic-75mm"])
-def test_the_search_for_a_pupil_ends_at_its_limit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_search_for_a_pupil_ends_at_its_limit(name, monkeypatch):
     lens, surfaces, film = set_up(name, None, 2000.0)
     rays = counted(monkeypatch)
     monkeypatch.setattr(search, "MAX_CROSSINGS", 1_000_000)
@@ -237,7 +219,7 @@ def test_the_search_for_a_pupil_ends_at_its_limit(name: str, monkeypatch: pytest
     assert 500_000 < sum(rays) * len(surfaces.vertex) <= 1_000_000
 
 
-def test_a_pupil_that_ellipses_never_hold_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pupil_that_ellipses_never_hold_is_an_error(monkeypatch):
     lens, surfaces, film = set_up("plano-convex-100mm", None, math.inf)
     counted(monkeypatch)
     monkeypatch.setattr(search.PupilSampler, "growth_factor", lambda *given: 1.01)
@@ -245,7 +227,7 @@ def test_a_pupil_that_ellipses_never_hold_is_an_error(monkeypatch: pytest.Monkey
         load_pupil_table(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=lens.is_round())
 
 
-def test_the_plane_is_before_the_film_wherever_the_exit_pupil_is() -> None:
+def test_the_plane_is_before_the_film_wherever_the_exit_pupil_is():
     for name in SHIPPED:
         _, surfaces, film = set_up(name, None, math.inf)
         assert exit_pupil_plane(surfaces, film) < film

@@ -1,8 +1,6 @@
 """The shipped lenses do what their files say: the f-number, sharpness on the axis, the picture that they cover."""
 
 import re
-from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ import pytest
 from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
 from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil
 from raytracer.optics.lens_system.focusing import film_position
-from raytracer.optics.lens_system.lens import Lens
 from raytracer.optics.lens_system.lens_setup import widest_f_number
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.scene.assets.lenses import read_lens
@@ -24,7 +21,7 @@ SINGLE = ("plano-convex-100mm", "flint-100mm", "hyperbolic-100mm")
 every_lens = pytest.mark.parametrize("path", SHIPPED.values(), ids=list(SHIPPED))
 
 
-def rays_from_film(lens: Lens, film: float, place: tuple[float, float], count: int) -> tuple[np.ndarray, np.ndarray]:
+def rays_from_film(lens, film, place, count):
     """Rays (n, 3) from a point of the film to a grid over the last surface, away from the film."""
     packed = lens.packed()
     steps = np.linspace(-1.0, 1.0, count) * packed.radius[-1]
@@ -36,17 +33,18 @@ def rays_from_film(lens: Lens, film: float, place: tuple[float, float], count: i
 
 
 @every_lens
-def test_the_f_number_of_the_file_is_that_which_light_finds(path: Path) -> None:
+def test_the_numbers_of_the_file_are_those_which_light_finds(path):
     lens = read_lens(path)
     assert lens.source
-    assert lens.f_number is not None
     assert widest_f_number(lens) == pytest.approx(lens.f_number, rel=0.015)
+    # What is anamorphic has its published length in the direction that it does not squeeze.
+    lengths = [cardinal_points(lens.packed(), axis).focal_length for axis in "xy"]
+    assert pytest.approx(lens.focal_length, rel=0.005) in lengths
 
 
 @every_lens
-def test_light_reaches_the_whole_picture(path: Path) -> None:
+def test_light_reaches_the_whole_picture(path):
     lens = read_lens(path)
-    assert lens.image_circle is not None
     film, edge = film_position(lens), 0.5 * lens.image_circle
     packed = lens.packed()
     for place in ((0.0, 0.0), (0.0, edge), (0.6 * edge, 0.8 * edge)):
@@ -55,16 +53,7 @@ def test_light_reaches_the_whole_picture(path: Path) -> None:
 
 
 @every_lens
-def test_no_surface_goes_through_the_next(path: Path) -> None:
-    elements = read_lens(path).elements
-    for number, (near, far) in enumerate(pairwise(elements), start=1):
-        for height in np.linspace(0.0, min(near.radius, far.radius), 50):
-            for x, y in ((height, 0.0), (0.0, height)):
-                assert near.sag(x, y) <= near.thickness + far.sag(x, y), f"surface {number} at {height:g} mm"
-
-
-@every_lens
-def test_the_middle_is_sharp(path: Path) -> None:
+def test_the_middle_is_sharp(path):
     """Light of the axis at two stops below the widest is within a circle of a thousandth of the focal length."""
     lens = read_lens(path)
     if path.stem in SINGLE:
@@ -85,7 +74,7 @@ def test_the_middle_is_sharp(path: Path) -> None:
 
 
 @every_lens
-def test_colours_come_together(path: Path) -> None:
+def test_colours_come_together(path):
     """Between the lines F and C the focus moves by less than a third of what it does for a single lens: f / V."""
     lens = read_lens(path)
     if path.stem in (*SINGLE, "phone-3.7mm"):
@@ -98,7 +87,7 @@ def test_colours_come_together(path: Path) -> None:
     assert max(places) - min(places) < abs(cardinal_points(lens.packed()).focal_length) / 60.0 / 3.0
 
 
-def test_the_anamorphic_squeezes_by_two_and_is_sharp_both_ways() -> None:
+def test_the_anamorphic_squeezes_by_two_and_is_sharp_both_ways():
     lens = read_lens(SHIPPED["anamorphic-75mm"])
     packed = lens.packed()
     up, across = (cardinal_points(packed, across=axis) for axis in ("y", "x"))
@@ -107,7 +96,7 @@ def test_the_anamorphic_squeezes_by_two_and_is_sharp_both_ways() -> None:
     assert up.rear_focus == pytest.approx(across.rear_focus, abs=2.0 * 2.0 * 0.01)
 
 
-def test_the_double_gauss_is_that_of_the_patent() -> None:
+def test_the_double_gauss_is_that_of_the_patent():
     # Its focal length is 1 and its back focus 0.71436 there, scaled by 50.
     packed = read_lens(SHIPPED["double-gauss-50mm"]).packed()
     found = cardinal_points(packed)
@@ -115,7 +104,7 @@ def test_the_double_gauss_is_that_of_the_patent() -> None:
     assert found.rear_focus - packed.vertex[-1] == pytest.approx(50.0 * 0.71436, abs=5e-3)
 
 
-def test_the_achromat_has_the_back_focus_of_its_data_sheet() -> None:
+def test_the_achromat_has_the_back_focus_of_its_data_sheet():
     # 97.1 mm, where light of the pupil's half comes together.
     lens = read_lens(SHIPPED["achromat-100mm"])
     assert film_position(lens) - lens.packed().vertex[-1] == pytest.approx(97.1, abs=0.05)
@@ -125,8 +114,15 @@ ROW = re.compile(r"^\| \[([\w.-]+)\]\(\S+\) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) 
 TABLE = ROW.findall((ROOT / "docs" / "lenses.md").read_text(encoding="utf-8"))
 
 
+KINDS = ("double-gauss", "wide", "telephoto", "fisheye", "triplet", "achromat", "plano-convex", "phone", "anamorphic")
+
+
+def test_the_documentation_has_lenses_of_all_kinds():
+    assert [kind for kind in KINDS if not any(kind in name for name, *_ in TABLE)] == []
+
+
 @pytest.mark.parametrize("row", TABLE, ids=lambda row: row[0])
-def test_the_documentation_has_the_numbers_of_the_lenses(row: tuple[str, str, str, str]) -> None:
+def test_the_documentation_has_the_numbers_of_the_lenses(row):
     name, focal_length, f_number, image_circle = row
     lens = read_lens(SHIPPED[name])
     assert f"{cardinal_points(lens.packed()).focal_length:.2f}" == focal_length

@@ -1,8 +1,5 @@
 """Tables of pbrt's collection, of both kinds: with thickness after each surface, and before it."""
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import pytest
 
 from raytracer.optics.lens_system.first_order import cardinal_points
@@ -25,37 +22,37 @@ DGAUSS: Rows = [
 PAIR: Rows = [(50, 4, 1.5, 10), (-50, 40, 1, 10), (-60, 5, 1.5, 10), (60, 20, 1, 10)]
 
 
-def shipped(name: str) -> Rows:
+def shipped(name):
     """A shipped lens as pbrt's table of it: with an index for each glass, which is 0 at the stop."""
-    rows: Rows = []
+    rows = []
     for surface in read_prescription(SCENES / "lenses" / f"{name}.yaml").surfaces:
         radius = getattr(surface, "radius", 0.0)
-        ior = 0.0 if surface.kind == "stop" else float(surface.material.ior())  # type: ignore[attr-defined]
+        ior = 0.0 if surface.kind == "stop" else float(surface.material.ior())
         rows.append((radius, surface.thickness or 0.0, ior, surface.aperture))
     return rows
 
 
-def scaled(rows: Rows, by: float) -> Rows:
+def scaled(rows, by):
     return [(by * radius, by * gap, ior, by * aperture) for radius, gap, ior, aperture in rows]
 
 
-def before(rows: Rows, first: float = 0.0) -> Rows:
+def before(rows, first=0.0):
     """The same lens with each way in the row behind it, and a number in the first."""
     gaps = [first, *(row[1] for row in rows[:-1])]
     return [(row[0], gap, *row[2:]) for row, gap in zip(rows, gaps, strict=True)]
 
 
-def filmed(rows: Rows, film: float) -> Rows:
+def filmed(rows, film):
     """The same lens with the way to the film in the last row."""
     return [*rows[:-1], (rows[-1][0], film, *rows[-1][2:])]
 
 
-def table(folder: Path, name: str, rows: Rows, comments: Sequence[str] = ("radius axpos N aperture",)) -> Path:
+def table(folder, name, rows, comments=("radius axpos N aperture",)):
     lines = [*(f"# {comment}" for comment in comments), *("\t".join(f"{value:.10g}" for value in row) for row in rows)]
     return written(folder, name, "\n".join(lines) + "\n")
 
 
-def focal_length(path: Path) -> float:
+def focal_length(path):
     return cardinal_points(read_lens(path).packed()).focal_length
 
 
@@ -73,28 +70,24 @@ AXPOS, SEP = ("scaled", "radius axpos N aperture"), ("scaled", "radius sep n ape
         ("telephoto", before(scaled(shipped("telephoto-250mm"), 0.4)), ("EFL=254mm", *AXPOS), 99.827, "before"),
     ],
 )
-def test_tables_of_pbrt_have_the_focal_lengths_that_they_should(
-    name: str, rows: Rows, comments: Sequence[str], expected: float, place: str, tmp_path: Path
-) -> None:
+def test_tables_of_pbrt_have_the_focal_lengths_that_they_should(name, rows, comments, expected, place, tmp_path):
     path = table(tmp_path, f"{name}.dat", rows, comments)
     lens = read_lens(path)
     assert cardinal_points(lens.packed()).focal_length == pytest.approx(expected, abs=6e-4)
     assert lens_warnings(lens) == []
-    assert lens.reading is not None
     assert f"thickness is read as that {place} each surface" in lens.reading.text
     assert not lens.reading.is_guess
     # What is in neither the first nor the last row tells nothing: the surfaces do, also without a name.
     other = before(read_rows(rows, place), 12.5) if place == "before" else filmed(rows, 36.1)
     guessed = read_lens(table(tmp_path, "lens.dat", other))
     assert guessed.elements[:-1] == lens.elements[:-1]
-    assert guessed.reading is not None
     assert guessed.reading.is_guess
     (doubt,) = lens_warnings(guessed)
     assert f"is read as that {place} each surface" in doubt
     assert "go through each other" in doubt
 
 
-def read_rows(rows: Rows, place: str) -> Rows:
+def read_rows(rows, place):
     """The lens of a table with each way in the row before it."""
     if place == "after":
         return rows
@@ -102,7 +95,7 @@ def read_rows(rows: Rows, place: str) -> Rows:
     return [(row[0], gap, *row[2:]) for row, gap in zip(rows, gaps, strict=True)]
 
 
-def test_the_wrong_reading_is_warned_of(tmp_path: Path) -> None:
+def test_the_wrong_reading_is_warned_of(tmp_path):
     path = table(tmp_path, "dgauss.50mm.dat", DGAUSS)
     wrong = import_lens(path, Choices(thickness="before")).lens()
     assert cardinal_points(wrong.packed()).focal_length == pytest.approx(48.571, abs=6e-4)
@@ -110,7 +103,7 @@ def test_the_wrong_reading_is_warned_of(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", ["after", "before"])
-def test_the_name_decides_where_surfaces_do_not(place: str, tmp_path: Path) -> None:
+def test_the_name_decides_where_surfaces_do_not(place, tmp_path):
     choices = Choices(thickness="after" if place == "after" else "before")
     expected = cardinal_points(import_lens(table(tmp_path, "a.dat", PAIR), choices).lens().packed()).focal_length
     engraved = f"{1.02 * expected:.1f}"
@@ -127,7 +120,7 @@ def test_the_name_decides_where_surfaces_do_not(place: str, tmp_path: Path) -> N
     assert read_lens(alone).focal_length == float(engraved)
 
 
-def test_a_table_that_may_be_two_lenses_is_refused_with_both(tmp_path: Path) -> None:
+def test_a_table_that_may_be_two_lenses_is_refused_with_both(tmp_path):
     path = table(tmp_path, "pair.dat", PAIR)
     both = [import_lens(path, Choices(thickness=place)).lens() for place in ("after", "before")]
     lengths = [cardinal_points(lens.packed()).focal_length for lens in both]
@@ -143,7 +136,7 @@ def test_a_table_that_may_be_two_lenses_is_refused_with_both(tmp_path: Path) -> 
     assert focal_length(table(tmp_path, "pair.dat", PAIR, ("radius thickness n aperture",))) == lengths[0]
 
 
-def test_a_0_that_surfaces_gainsay_is_no_proof(tmp_path: Path) -> None:
+def test_a_0_that_surfaces_gainsay_is_no_proof(tmp_path):
     # A stop in the last vertex, before which the way is 0: read as after it, the sides of the glass meet.
     rows: Rows = [(15, 1, 1.5, 16), (-15, 8, 1, 16), (0, 0, 0, 10)]
     with pytest.raises(SceneError, match=r"may be two lenses, .* surfaces 1 and 2 that go through each other, with"):
@@ -152,7 +145,7 @@ def test_a_0_that_surfaces_gainsay_is_no_proof(tmp_path: Path) -> None:
     assert [element.thickness for element in lens.elements] == [8.0, 0.0, 0.0]
 
 
-def test_ways_that_are_all_alike_are_one_lens_either_way(tmp_path: Path) -> None:
+def test_ways_that_are_all_alike_are_one_lens_either_way(tmp_path):
     # The thick lens of n = 1.5 and R = 50 mm, 4 mm thick: 1/f = (n - 1) (2/R - (n - 1) d / (n R^2)).
     rows: Rows = [(50, 4, 1.5, 10), (-50, 4, 1, 10)]
     lens = read_lens(table(tmp_path, "single.dat", rows))

@@ -14,17 +14,17 @@ from raytracer.scene.assets.lenses import read_lens
 from tests.optics.lens_system.test_shipped_lenses import SHIPPED
 
 
-def singlet(stop: float) -> Lens:
+def singlet(stop):
     """Flat glass of index 1.5 and a radius of 50 mm, so that f = 100 mm, of diameter 25; 10 mm behind it a stop."""
     glass = (Element(0.0, 5.0, constant_index_glass(1.5), 12.5, "flat"), Element(-0.02, 10.0, AIR, 12.5))
     return Lens("singlet", (*glass, Element(0.0, 0.0, AIR, 0.5 * stop, "stop", is_stop=True)), f_number=4.0)
 
 
-def test_shipped_lenses_have_none() -> None:
+def test_shipped_lenses_have_none():
     assert {name: found for name, path in SHIPPED.items() if (found := lens_warnings(read_lens(path)))} == {}
 
 
-def test_a_stop_that_a_rim_hides_is_told() -> None:
+def test_a_stop_that_a_rim_hides_is_told():
     # By Snell's law, light 12.5 mm from the axis is this wide 10 mm behind the vertex that it leaves by.
     bent = math.asin(1.5 * 0.25) - math.asin(0.25)
     width = 25.0 - 2.0 * (10.0 + 50.0 - math.sqrt(50.0**2 - 12.5**2)) * math.tan(bent)
@@ -38,14 +38,14 @@ def test_a_stop_that_a_rim_hides_is_told() -> None:
     assert len(lens_warnings(singlet(1.13 * width))) == 1
 
 
-def test_a_stop_that_blocks_light_is_told() -> None:
+def test_a_stop_that_blocks_light_is_told():
     assert lens_warnings(singlet(21.0)) == []
     (doubt,) = lens_warnings(singlet(2.25))
     assert doubt == "its stop, surface 3, blocks light: it opens to f/40, and f/4 is published"
     assert lens_warnings(dataclasses.replace(singlet(2.25), f_number=None)) == []
 
 
-def test_a_focal_length_that_is_not_the_published_one_is_told() -> None:
+def test_a_focal_length_that_is_not_the_published_one_is_told():
     lens = dataclasses.replace(singlet(21.0), focal_length=110.0)
     assert lens_warnings(lens) == []
     assert lens_warnings(dataclasses.replace(lens, focal_length=200.0)) == [
@@ -53,7 +53,7 @@ def test_a_focal_length_that_is_not_the_published_one_is_told() -> None:
     ]
 
 
-def test_what_is_published_is_of_the_lens_at_infinity() -> None:
+def test_what_is_published_is_of_the_lens_at_infinity():
     # Two singlets of 100 mm, 60 mm apart, and 80 mm where the front one has moved to what is near: f = 71 and 83 mm.
     front = singlet(21.0).elements[:2]
     rear = (Element(0.0, 5.0, constant_index_glass(1.5), 12.5, "flat"), Element(-0.02, 2.0, AIR, 12.5))

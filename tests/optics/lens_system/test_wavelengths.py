@@ -12,12 +12,12 @@ from tests.optics.lens_system.rays import unit
 from tests.optics.lens_system.test_first_order import STOP, thin
 
 
-def slab(name: str) -> Lens:
+def slab(name):
     return Lens("slab", (Element(0.01, 5.0, CATALOGUE[name], 9.0), Element(0.0, 0.0, AIR, 9.0)))
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
-def test_indices_between_the_rows_of_the_table_are_right_to_a_millionth(name: str) -> None:
+def test_indices_between_the_rows_of_the_table_are_right_to_a_millionth(name):
     lens = slab(name)
     packed = lens.packed(dispersion=True)
     wavelengths = np.random.default_rng(1).uniform(FIRST_WAVELENGTH, LAST_WAVELENGTH, 400)
@@ -32,7 +32,7 @@ def test_indices_between_the_rows_of_the_table_are_right_to_a_millionth(name: st
     np.testing.assert_array_equal(packed.indices.ior[:, [0, 2]], 1.0)
 
 
-def test_rays_with_wavelengths_go_as_through_a_lens_of_their_index() -> None:
+def test_rays_with_wavelengths_go_as_through_a_lens_of_their_index():
     lens, rng = slab("N-SF11"), np.random.default_rng(2)
     starts = np.stack([*rng.uniform(-5.0, 5.0, (2, 40)), np.full(40, -9.0)], axis=1)
     ways = unit(np.stack([*rng.uniform(-0.1, 0.1, (2, 40)), np.ones(40)], axis=1))
@@ -52,7 +52,7 @@ def test_rays_with_wavelengths_go_as_through_a_lens_of_their_index() -> None:
     np.testing.assert_array_equal(trace_rays(table, starts, ways)[2], trace_rays(table, starts, ways, True, LINE_D)[2])
 
 
-def test_what_a_lens_does_not_have_is_not_packed() -> None:
+def test_what_a_lens_does_not_have_is_not_packed():
     plain = Lens("plain", (*thin(50.0, 5.0), STOP))
     packed = plain.packed(dispersion=True, coatings=True)
     assert packed[5:] == (None, None, None, None)
@@ -65,7 +65,7 @@ def test_what_a_lens_does_not_have_is_not_packed() -> None:
         Lens("coated air", (Element(0.0, 1.0, AIR, 9.0), Element(0.0, 0.0, AIR, 9.0, coating=Coating())))
 
 
-def test_a_diaphragm_lets_through_what_its_shape_does() -> None:
+def test_a_diaphragm_lets_through_what_its_shape_does():
     """A square with a corner at the top, of the area of the disc: |x| + |y| <= sqrt(pi / 2) radii."""
     lens = Lens("stop first", (STOP._replace(radius=8.0), *thin(100.0)))
     square = PolygonAperture(blades=4).pack({})

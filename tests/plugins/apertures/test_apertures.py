@@ -1,22 +1,19 @@
 """Apertures: their form, their area, and that they are filled evenly."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
 from raytracer.core.sampling import warp
 from raytracer.film.formats.base.image_format import StoredImage
 from raytracer.plugins.apertures.base.interface import ApertureSpec
 from raytracer.schema.registry import APERTURES
-from raytracer.schema.spec import Spec
 from tests.plugins.apertures.kernels import sampled
 from tests.statistics import chi2_counts, chi2_test
 
-EXAMPLES: dict[str, list[dict[str, Any]]] = {
+EXAMPLES = {
     "image": [{"file": "x"}, {"file": "x", "anamorphic": 0.7}],
     "polygon": [
         {"blades": 3},
@@ -42,34 +39,34 @@ COUNT = 1 << 18
 LETTER = np.array([[10, 0, 0], [7, 0, 0], [10, 0, 0], [10, 3, 5], [2, 0, 0]]) / 10.0
 
 
-def picture(values: ArrayLike, *, integer: bool = False) -> StoredImage:
+def picture(values, *, integer=False):
     """An image as it is read from a file, (height, width) or with channels."""
     array = np.asarray(values, np.uint8 if integer else np.float32)
     return StoredImage(array[..., None] if array.ndim == 2 else array, integer)
 
 
-def spec_of(**keys: Any) -> ApertureSpec:
+def spec_of(**keys):
     spec = APERTURES.specs()[keys["type"]].model_validate(keys)
     assert isinstance(spec, ApertureSpec)
     return spec
 
 
-def packed(values: ArrayLike = LETTER, *, integer: bool = False, **keys: Any) -> Any:
+def packed(values=LETTER, *, integer=False, **keys):
     return spec_of(**keys).pack({"file": picture(values, integer=integer)})
 
 
-def uniform(count: int = COUNT, seed: int = 1) -> NDArray[np.float64]:
+def uniform(count=COUNT, seed=1):
     return np.random.default_rng(seed).random((count, 2))
 
 
-def outline(aperture: Any, steps: int = 20_000) -> NDArray[np.float64]:
+def outline(aperture, steps=20_000):
     """Points (4 steps, 2) along the edge of an aperture, to which the edge of the square of numbers is taken."""
     ramp, zero, one = np.arange(steps) / steps, np.zeros(steps), np.full(steps, np.nextafter(1.0, 0.0))
     sides = [(one, ramp), (1.0 - ramp, one), (zero, 1.0 - ramp), (ramp, zero)]
     return sampled(aperture, np.concatenate([np.stack(side, axis=1) for side in sides]))
 
 
-def area(points: NDArray[np.float64]) -> float:
+def area(points):
     """Return the area of a polygon with these corners, anticlockwise, by the shoelace formula."""
     (x, y), (next_x, next_y) = points.T, np.roll(points, -1, axis=0).T
     return 0.5 * float((x * next_y - y * next_x).sum())
@@ -78,12 +75,12 @@ def area(points: NDArray[np.float64]) -> float:
 # ---- Every kind
 
 
-def test_every_kind_has_an_example() -> None:
+def test_every_kind_has_an_example():
     assert set(EXAMPLES) == set(APERTURES.specs())
 
 
 @pytest.mark.parametrize("keys", CASES)
-def test_the_ends_of_the_numbers_are_points_of_the_aperture(keys: dict[str, Any]) -> None:
+def test_the_ends_of_the_numbers_are_points_of_the_aperture(keys):
     # Three triangles' corners, the farthest points of all, are 1.56 away; an L of five pixels and one of three less.
     ends = [0.0, 2.0**-33, 0.5, 1.0 - 2.0**-33, np.nextafter(1.0, 0.0)]
     points = sampled(packed(**keys), [(u1, u2) for u1 in ends for u2 in ends])
@@ -93,14 +90,14 @@ def test_the_ends_of_the_numbers_are_points_of_the_aperture(keys: dict[str, Any]
 
 
 @pytest.mark.parametrize("keys", [{"type": "round"}, {"type": "polygon", "blades": 5, "curvature": 1, "rotation": 3}])
-def test_what_is_round_is_the_plain_disc(keys: dict[str, Any]) -> None:
+def test_what_is_round_is_the_plain_disc(keys):
     assert packed(**keys) is None
     numbers = uniform(100)
     np.testing.assert_array_equal(sampled(None, numbers), [warp.sample_disc(u1, u2) for u1, u2 in numbers])
 
 
 @pytest.mark.parametrize("keys", CASES)
-def test_anamorphic_is_the_ratio_of_height_to_width(keys: dict[str, Any]) -> None:
+def test_anamorphic_is_the_ratio_of_height_to_width(keys):
     # To the shape without it each axis is in proportion, one by as much more as the other is by less.
     ratio = keys.get("anamorphic", 1.0)
     numbers = uniform(1000)
@@ -111,17 +108,13 @@ def test_anamorphic_is_the_ratio_of_height_to_width(keys: dict[str, Any]) -> Non
 @pytest.mark.parametrize(
     "keys",
     [
-        {"type": "polygon", "blades": 2},
-        {"type": "polygon", "blades": 5.5},
-        {"type": "polygon", "curvature": 1.01},
+        *({"type": "polygon", key: value} for key, value in (("blades", 2), ("blades", 5.5), ("curvature", 1.01))),
+        *({"type": "round", "anamorphic": value} for value in (0, math.inf)),
         {"type": "polygon", "curvature": -0.1},
-        {"type": "round", "anamorphic": 0},
-        {"type": "round", "anamorphic": math.inf},
-        {"type": "image"},
         {"type": "image", "file": ""},
     ],
 )
-def test_impossible_apertures_are_refused(keys: dict[str, Any]) -> None:
+def test_impossible_apertures_are_refused(keys):
     with pytest.raises(ValidationError):
         spec_of(**keys)
 
@@ -129,7 +122,7 @@ def test_impossible_apertures_are_refused(keys: dict[str, Any]) -> None:
 # ---- Round
 
 
-def test_stretched_round_is_an_ellipse_of_the_same_area() -> None:
+def test_stretched_round_is_an_ellipse_of_the_same_area():
     # Semi-axes 1/2 and 2: x^2 / a^2 + y^2 / b^2 is even over 0..1.
     points = sampled(packed(type="round", anamorphic=4), uniform())
     squares = (2.0 * points[:, 0]) ** 2 + (0.5 * points[:, 1]) ** 2
@@ -142,7 +135,7 @@ def test_stretched_round_is_an_ellipse_of_the_same_area() -> None:
 # ---- Polygon
 
 
-def corner_radius(blades: int, curvature: float) -> float:
+def corner_radius(blades, curvature):
     """Return the radius of the polygon of area pi: n triangles, and n segments of circles of the radius R / curvature.
 
     References: https://mathworld.wolfram.com/CircularSegment.html
@@ -154,14 +147,14 @@ def corner_radius(blades: int, curvature: float) -> float:
     return math.sqrt(math.pi / (blades * unit))
 
 
-def directions(keys: dict[str, Any]) -> NDArray[np.float64]:
+def directions(keys):
     """Angles (n,) of the corners from the x axis, in -pi..pi."""
     blades = keys["blades"]
     angles = math.pi / 2.0 + math.radians(keys.get("rotation", 0.0)) + 2.0 * math.pi * np.arange(blades) / blades
     return np.sort(np.mod(angles + math.pi, 2.0 * math.pi) - math.pi)
 
 
-def is_inside(keys: dict[str, Any], points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_inside(keys, points):
     """Tell if points (n, 2) are in the polygon: for every edge within its circle, or on its side of the line."""
     blades, curvature = keys["blades"], keys.get("curvature", 0.0)
     radius = corner_radius(blades, curvature)
@@ -181,7 +174,7 @@ def is_inside(keys: dict[str, Any], points: NDArray[np.float64]) -> NDArray[np.b
 
 
 @pytest.mark.parametrize("keys", POLYGONS)
-def test_polygon_is_filled_evenly_and_no_more(keys: dict[str, Any]) -> None:
+def test_polygon_is_filled_evenly_and_no_more(keys):
     points = sampled(packed(type="polygon", **keys), uniform())
     assert is_inside(keys, points * (1.0 - 1e-12)).all()
     bounds = [(-2.0, 2.0), (-2.0, 2.0)]
@@ -189,12 +182,12 @@ def test_polygon_is_filled_evenly_and_no_more(keys: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("keys", POLYGONS)
-def test_polygon_has_the_area_of_the_disc(keys: dict[str, Any]) -> None:
+def test_polygon_has_the_area_of_the_disc(keys):
     assert area(outline(packed(type="polygon", **keys))) == pytest.approx(math.pi, rel=1e-7)
 
 
 @pytest.mark.parametrize("keys", POLYGONS[:4])
-def test_corners_are_where_the_rotation_puts_them(keys: dict[str, Any]) -> None:
+def test_corners_are_where_the_rotation_puts_them(keys):
     points = outline(packed(type="polygon", **keys), 50_000)
     radius = np.hypot(*points.T)
     result = np.arctan2(points[:, 1], points[:, 0])
@@ -205,17 +198,8 @@ def test_corners_are_where_the_rotation_puts_them(keys: dict[str, Any]) -> None:
     np.testing.assert_allclose(result[peaks], directions(keys), rtol=0.0, atol=1e-4)
 
 
-def test_a_polygon_stands_on_its_edge_and_turns_anticlockwise() -> None:
-    # A triangle with a corner at the top; turned by 10 degrees the top goes to the left.
-    for rotation, side in ((0.0, 0.0), (10.0, -1.0), (-10.0, 1.0), (370.0, -1.0)):
-        points = outline(packed(type="polygon", blades=3, rotation=rotation), 3000)
-        top = points[points[:, 1].argmax()]
-        assert top[1] > 1.5
-        assert top[0] == pytest.approx(side * 1.5551 * math.sin(math.radians(10.0)), abs=2e-3)
-
-
 @pytest.mark.parametrize("curvature", [0.0, 0.2, 0.8])
-def test_edges_are_arcs_of_the_given_curvature(curvature: float) -> None:
+def test_edges_are_arcs_of_the_given_curvature(curvature):
     # Through three points of one edge goes one circle; 1 / its radius = 4 area / product of the sides.
     points = outline(packed(type="polygon", blades=5, curvature=curvature), 5000)
     angle = np.arctan2(points[:, 1], points[:, 0])
@@ -228,7 +212,7 @@ def test_edges_are_arcs_of_the_given_curvature(curvature: float) -> None:
     )
 
 
-def test_edges_straighten_and_round_off_without_a_jump() -> None:
+def test_edges_straighten_and_round_off_without_a_jump():
     # From a curvature that is the next thing to none to the straight polygon, and likewise to the disc, here turned by
     # what takes the first edge to the right.
     numbers = uniform(20_000)
@@ -240,7 +224,7 @@ def test_edges_straighten_and_round_off_without_a_jump() -> None:
     np.testing.assert_allclose(nearly, sampled(None, numbers), rtol=0.0, atol=1e-5)
 
 
-def test_neighbouring_numbers_are_neighbouring_points() -> None:
+def test_neighbouring_numbers_are_neighbouring_points():
     # What is well spread over the square stays so over the polygon: no seam but where the disc has its own, none.
     aperture = packed(type="polygon", blades=7, curvature=0.4, rotation=10)
     numbers = uniform(20_000) * (1.0 - 2.0**-20)
@@ -252,7 +236,7 @@ def test_neighbouring_numbers_are_neighbouring_points() -> None:
 # ---- Image
 
 
-def pixels_of(points: NDArray[np.float64], side: float, shape: tuple[int, int]) -> NDArray[np.int64]:
+def pixels_of(points, side, shape):
     """Counts (height, width) of the points in each pixel of a picture in the middle."""
     height, width = shape
     edges = side * (np.arange(height + 1) - 0.5 * height), side * (np.arange(width + 1) - 0.5 * width)
@@ -260,7 +244,7 @@ def pixels_of(points: NDArray[np.float64], side: float, shape: tuple[int, int]) 
     return np.asarray(counts[::-1], np.int64)
 
 
-def test_mask_is_reproduced_upright() -> None:
+def test_mask_is_reproduced_upright():
     points = sampled(packed(type="image", file="x"), uniform())
     # Transmission 1 on a pixel counts as its area: their sum is pi.
     side = math.sqrt(math.pi / LETTER.sum())
@@ -274,19 +258,11 @@ def test_mask_is_reproduced_upright() -> None:
     chi2_counts(counts, np.full((8, 8), len(first) / 64), tests=2)
 
 
-def test_only_proportions_of_the_transmission_count() -> None:
+def test_only_proportions_of_the_transmission_count():
     numbers = uniform(2000)
     expected = sampled(packed(type="image", file="x"), numbers)
     for factor in (0.125, 1024.0):
         np.testing.assert_allclose(sampled(packed(LETTER * factor, type="image", file="x"), numbers), expected)
-
-
-def test_picture_of_a_disc_is_round() -> None:
-    rows, columns = np.mgrid[:201, :201] - 100.0
-    points = sampled(packed(np.hypot(rows, columns) < 100.0, type="image", file="x"), uniform())
-    assert np.hypot(*points.T).max() < 1.02
-    # Of the unit disc x^2 has the mean 1/4 and the standard deviation 1/4 too.
-    np.testing.assert_allclose((points**2).mean(axis=0), 0.25, atol=4.0 * 0.25 / math.sqrt(COUNT) + 2e-3)
 
 
 @pytest.mark.parametrize(
@@ -301,7 +277,7 @@ def test_picture_of_a_disc_is_round() -> None:
         ([[[255, 255, 255, 0], [9, 9, 9, 255]]], {}, [0.0, 1.0]),
     ],
 )
-def test_what_pixels_let_through(values: Any, keys: dict[str, Any], expected: list[float]) -> None:
+def test_what_pixels_let_through(values, keys, expected):
     points = sampled(packed(values, integer=True, type="image", file="x", **keys), uniform())
     share = (points[:, 0] < 0.0).mean()
     assert share == pytest.approx(expected[0], abs=4.0 * 0.5 / math.sqrt(COUNT) + 2e-3 * ("encoding" in keys))
@@ -310,11 +286,6 @@ def test_what_pixels_let_through(values: Any, keys: dict[str, Any], expected: li
 @pytest.mark.parametrize(
     ("values", "words"), [([[0.0, 0.0]], "black all over"), ([[1.0, -0.5]], "negative"), ([[1.0, np.nan]], "finite")]
 )
-def test_pictures_that_are_no_masks_are_refused(values: Any, words: str) -> None:
+def test_pictures_that_are_no_masks_are_refused(values, words):
     with pytest.raises(ValueError, match=f"^x .*{words}"):
         packed(values, type="image", file="x")
-
-
-def test_vignetting_is_no_kind() -> None:
-    assert issubclass(APERTURES.specs()["round"], Spec)
-    assert set(APERTURES.specs()) == {"image", "polygon", "round"}

@@ -1,7 +1,6 @@
 """Apertures as the stop of a real lens: what they let through is where they draw their points."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,14 +12,14 @@ from tests.plugins.apertures.test_apertures import CASES, COUNT, LETTER, POLYGON
 SHAPES = [*CASES, pytest.param({"type": "round"}, id="disc")]
 
 
-def grid(half: float, count: int = 1200) -> Any:
+def grid(half, count=1200):
     """Points (count^2, 2), one in each of the squares that a square of this half width is cut into."""
     corners = np.indices((count, count)).reshape(2, -1).T
     return half * (2.0 * (corners + uniform(count * count, seed=4)) / count - 1.0)
 
 
 @pytest.mark.parametrize("keys", SHAPES)
-def test_as_much_light_gets_through_as_through_the_disc(keys: dict[str, Any]) -> None:
+def test_as_much_light_gets_through_as_through_the_disc(keys):
     shape = packed(**keys)
     half = 1.01 * aperture_extent(shape)
     passed = covered(shape, grid(half))
@@ -30,7 +29,7 @@ def test_as_much_light_gets_through_as_through_the_disc(keys: dict[str, Any]) ->
 
 
 @pytest.mark.parametrize("keys", SHAPES)
-def test_what_is_drawn_is_let_through_and_within_reach(keys: dict[str, Any]) -> None:
+def test_what_is_drawn_is_let_through_and_within_reach(keys):
     shape = packed(**keys)
     points = sampled(shape, uniform(20_000))
     assert covered(shape, points * (1.0 - 1e-12)).min() > 0.0
@@ -38,7 +37,7 @@ def test_what_is_drawn_is_let_through_and_within_reach(keys: dict[str, Any]) -> 
 
 
 @pytest.mark.parametrize("keys", SHAPES)
-def test_out_of_reach_all_is_dark(keys: dict[str, Any]) -> None:
+def test_out_of_reach_all_is_dark(keys):
     shape = packed(**keys)
     angle = np.linspace(0.0, 2.0 * math.pi, 1000)
     for factor in (1.0 + 1e-12, 3.0, 1e9, math.inf):
@@ -49,20 +48,20 @@ def test_out_of_reach_all_is_dark(keys: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("keys", POLYGONS)
-def test_polygon_lets_through_what_is_on_the_near_side_of_all_edges(keys: dict[str, Any]) -> None:
+def test_polygon_lets_through_what_is_on_the_near_side_of_all_edges(keys):
     points = 4.0 * uniform(COUNT, seed=5) - 2.0
     np.testing.assert_array_equal(covered(packed(type="polygon", **keys), points) == 1.0, is_inside(keys, points))
 
 
 @pytest.mark.parametrize("curvature", [1e-30, 1e-15, 1e-9])
-def test_hardly_curved_edges_are_straight(curvature: float) -> None:
+def test_hardly_curved_edges_are_straight(curvature):
     points = 4.0 * uniform(seed=6) - 2.0
     straight, slight = (covered(packed(type="polygon", blades=5, curvature=bend), points) for bend in (0.0, curvature))
     np.testing.assert_array_equal(slight, straight)
 
 
 @pytest.mark.parametrize("stretch", [1.0, 2.0])
-def test_mask_lets_through_what_its_pixels_do(stretch: float) -> None:
+def test_mask_lets_through_what_its_pixels_do(stretch):
     # The letter upright: five rows of three pixels, each as wide as makes their sum pi, its brightest all clear.
     side = math.sqrt(math.pi / LETTER.sum())
     rows, columns = np.indices(LETTER.shape)

@@ -12,7 +12,7 @@ from tests.plugins.apertures.kernels import passed, sampled
 COUNT = 1 << 18
 
 
-def overlap(r: float, s: float, distance: float) -> float:
+def overlap(r, s, distance):
     """Area that two circles have in common.
 
     References: https://mathworld.wolfram.com/Circle-CircleIntersection.html, eq. 14.
@@ -29,7 +29,7 @@ def overlap(r: float, s: float, distance: float) -> float:
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.3, 0.5, 0.8, 0.901])
 @pytest.mark.parametrize("side", [0.0, 2.0])
-def test_cats_eye_has_the_area_of_two_overlapping_circles(slope: float, side: float) -> None:
+def test_cats_eye_has_the_area_of_two_overlapping_circles(slope, side):
     # A lens of 40 mm, a rim of 50 mm 50 mm in front of it: rays of the slope t meet it shifted by 50 mm t.
     rim = Vignetting(diameter=50.0, distance=50.0).pack()
     points = 0.02 * sampled(None, np.random.default_rng(2).random((COUNT, 2)))
@@ -44,17 +44,13 @@ def test_cats_eye_has_the_area_of_two_overlapping_circles(slope: float, side: fl
         assert (cut @ [math.cos(side), math.sin(side)]).mean() > 0.0
 
 
-def test_a_rim_smaller_than_the_lens_cuts_the_middle_too() -> None:
+def test_a_rim_smaller_than_the_lens_cuts_the_middle_too():
     points = sampled(None, np.random.default_rng(3).random((COUNT, 2)))
     weights = passed(Vignetting(diameter=1000.0, distance=1.0).pack(), points, 0.0, 0.0)
     np.testing.assert_array_equal(weights, np.hypot(*points.T) <= 0.5)
 
 
-def test_without_a_rim_everything_passes() -> None:
-    assert passed(None, [[9.0, 9.0]], 5.0, 5.0) == 1.0
-
-
-@pytest.mark.parametrize("keys", [{}, {"diameter": 50}, {"diameter": 0, "distance": 5}, {"diameter": 5, "distance": 0}])
-def test_impossible_rims_are_refused(keys: dict[str, float]) -> None:
+@pytest.mark.parametrize("keys", [{"diameter": 50}, {"diameter": 0, "distance": 5}, {"diameter": 5, "distance": 0}])
+def test_impossible_rims_are_refused(keys):
     with pytest.raises(ValidationError):
         Vignetting.model_validate(keys)

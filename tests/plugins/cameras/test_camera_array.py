@@ -1,8 +1,6 @@
 """Camera arrays and light slabs: many views of one scene, in one picture."""
 
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from scipy import stats
 
 from raytracer.analysis.compare import z_test
 from raytracer.film.exposure import CropWindow, metering_weights
-from raytracer.film.image import Image
 from raytracer.film.window import Window
 from raytracer.optics.thin_lens import Metering
 from raytracer.plugins.cameras.base.interface import film_corner, film_to_view
@@ -22,9 +19,7 @@ from raytracer.plugins.cameras.light_slab import LightSlab
 from raytracer.plugins.cameras.thin_lens import ThinLens
 from raytracer.rendering.develop import _view_slices, light_field_layout
 from raytracer.rendering.render import render
-from raytracer.rendering.session import Rendered
 from raytracer.scene.load import build
-from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError, SceneError
 from tests.moving import checked, moved
 from tests.plugins.cameras.kernels import camera_rays, projected, weighted_rays
@@ -33,34 +28,34 @@ Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 40, 30
 ROWS, COLUMNS, SPACING = 3, 4, (0.05, 0.08)
-LOOK: dict[str, Any] = {"look_from": (1.0, 2.0, 3.0), "look_at": (0.2, 0.1, -1.0), "up": (0.1, 1.0, 0.2)}
-GRID: dict[str, Any] = {"rows": ROWS, "columns": COLUMNS, "spacing": SPACING}
+LOOK = {"look_from": (1.0, 2.0, 3.0), "look_at": (0.2, 0.1, -1.0), "up": (0.1, 1.0, 0.2)}
+GRID = {"rows": ROWS, "columns": COLUMNS, "spacing": SPACING}
 
 
-def array(**keys: Any) -> CameraArray:
+def array(**keys):
     return CameraArray.model_validate({**LOOK, **GRID, "vfov": 50.0, "focus_distance": 2.5, **keys})
 
 
-def in_frame(spec: Any, points: Array) -> Array:
+def in_frame(spec, points):
     """Points (n, 3) to the right, up and along the axis (m)."""
     frame = spec.frame()
     return (points - np.array(frame.origin)) @ np.array([frame.right, frame.up, frame.forward]).T
 
 
-def slopes(spec: Any, directions: Array) -> Array:
+def slopes(spec, directions):
     """By how much rays go right and up per metre along the axis (n, 2)."""
     frame = spec.frame()
     turned = directions @ np.array([frame.right, frame.up, frame.forward]).T
     return turned[:, :2] / turned[:, 2:]
 
 
-def places(packed: Any, row: int, column: int, x: Array, y: Array) -> tuple[Array, Array]:
+def places(packed, row, column, x, y):
     """Film positions of places (x, y) in the frame of one view."""
     left, top = film_corner(packed, column * WIDTH, row * HEIGHT)
     return left + x, top + y
 
 
-def pixels(count: int) -> tuple[Array, Array]:
+def pixels(count):
     rng = np.random.default_rng(3)
     return rng.uniform(0.0, WIDTH, count), rng.uniform(0.0, HEIGHT, count)
 
@@ -69,9 +64,7 @@ def pixels(count: int) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize("distance", [2.5, 0.7, math.inf])
-def test_each_view_is_a_pinhole_in_its_place_that_sees_the_plane_of_convergence_as_the_middle_does(
-    distance: float,
-) -> None:
+def test_each_view_is_a_pinhole_in_its_place_that_sees_the_plane_of_convergence_as_the_middle_does(distance):
     """Rays start in the view, and go to where the ray of the middle at the same pixel is, at the distance of focus."""
     spec = array(focus_distance=distance)
     packed = spec.pack(WIDTH, HEIGHT)
@@ -88,11 +81,10 @@ def test_each_view_is_a_pinhole_in_its_place_that_sees_the_plane_of_convergence_
 
 
 @pytest.mark.parametrize("keys", [{}, {"convergence_distance": 0.9}, {"convergence_distance": math.inf}])
-def test_points_are_seen_where_the_geometry_of_the_light_field_says(keys: dict[str, Any]) -> None:
+def test_points_are_seen_where_the_geometry_of_the_light_field_says(keys):
     """A point at the distance 1 / w, which the middle sees at x, is at x - u (w - w0) in the view at u."""
     spec = array(**keys)
     packed, views = spec.pack(WIDTH, HEIGHT), spec.layout(WIDTH, HEIGHT).views
-    assert views.pose is not None
     rng = np.random.default_rng(4)
     depth = rng.uniform(0.5, 20.0)
     slope = rng.uniform(-0.2, 0.2, 2)
@@ -109,7 +101,7 @@ def test_points_are_seen_where_the_geometry_of_the_light_field_says(keys: dict[s
             np.testing.assert_allclose(origins[0] + along * directions[0], point, atol=1e-11)
 
 
-def test_the_highest_row_comes_first_and_the_leftmost_column() -> None:
+def test_the_highest_row_comes_first_and_the_leftmost_column():
     spec = array()
     views = spec.layout(WIDTH, HEIGHT).views
     assert (views.rows, views.columns, views.width, views.height) == (ROWS, COLUMNS, WIDTH, HEIGHT)
@@ -120,7 +112,7 @@ def test_the_highest_row_comes_first_and_the_leftmost_column() -> None:
 
 
 @pytest.mark.parametrize("size", [(40, 30), (1, 1), (7, 300)])
-def test_film_positions_of_one_view_never_reach_another(size: tuple[int, int]) -> None:
+def test_film_positions_of_one_view_never_reach_another(size):
     """Film positions up to the margin beyond the edges of a view, where filters draw."""
     spec, (width, height) = array(), size
     packed, margin = spec.pack(*size), spec.film_margin(*size)
@@ -130,18 +122,15 @@ def test_film_positions_of_one_view_never_reach_another(size: tuple[int, int]) -
             for x in (-margin + 0.5, -0.25, 0.0, width - 1.0, width + margin - 0.5):
                 for y in (-margin + 0.5, 0.5, height + margin - 0.5):
                     assert film_to_view(packed, left + x, top + y) == (x, y)
-
-
-def test_pixels_of_a_view_are_beside_one_another() -> None:
-    packed = array().pack(WIDTH, HEIGHT)
-    first = film_corner(packed, 2 * WIDTH, HEIGHT)
-    assert film_corner(packed, 2 * WIDTH + 17, HEIGHT + 4) == (first[0] + 17, first[1] + 4)
+            # Pixels of a view are beside one another.
+            last = film_corner(packed, (column + 1) * width - 1, (row + 1) * height - 1)
+            assert last == (left + width - 1, top + height - 1)
 
 
 # ---- Openings
 
 
-def test_every_lens_is_focused_at_the_distance_of_focus() -> None:
+def test_every_lens_is_focused_at_the_distance_of_focus():
     """All rays of a place on the film go through one point, the middle's at that distance."""
     spec = array(aperture=20.0, convergence_distance=1.5)
     packed = spec.pack(WIDTH, HEIGHT)
@@ -158,7 +147,7 @@ def test_every_lens_is_focused_at_the_distance_of_focus() -> None:
     np.testing.assert_allclose(starts[:, :2] + 2.5 * slopes(spec, directions), np.tile(point, (500, 1)), atol=1e-12)
 
 
-def test_lenses_that_fill_the_plane_are_one_lens_together() -> None:
+def test_lenses_that_fill_the_plane_are_one_lens_together():
     """Rays of one place of the film, from all views: evenly over the rectangle of all, through one point in focus."""
     spec = array(fill=True)
     packed = spec.pack(WIDTH, HEIGHT)
@@ -178,7 +167,7 @@ def test_lenses_that_fill_the_plane_are_one_lens_together() -> None:
     np.testing.assert_allclose(together, np.broadcast_to(together[0], together.shape), atol=1e-12)
 
 
-def test_a_camera_of_an_array_is_exposed_as_a_single_one_is() -> None:
+def test_a_camera_of_an_array_is_exposed_as_a_single_one_is():
     keys = {"focal_length": 50, "f_number": 2, "iso": 100, "shutter": 0.01, "focus_distance": 2.5}
     spec = CameraArray.model_validate({**LOOK, **GRID, **keys, "rows": 1, "columns": 1})
     lens = ThinLens.model_validate({**LOOK, **keys})
@@ -189,14 +178,14 @@ def test_a_camera_of_an_array_is_exposed_as_a_single_one_is() -> None:
     assert spec.exposure_settings(WIDTH, HEIGHT) == lens.exposure_settings(WIDTH, HEIGHT)
 
 
-def test_the_cell_of_a_view_is_what_its_opening_gathers_from() -> None:
+def test_the_cell_of_a_view_is_what_its_opening_gathers_from():
     assert array().layout(WIDTH, HEIGHT).views.cell is None
     assert array(fill=True).layout(WIDTH, HEIGHT).views.cell == SPACING
     round_one = array(aperture=20.0).layout(WIDTH, HEIGHT).views.cell
     assert round_one == pytest.approx([0.01 * math.sqrt(math.pi)] * 2)
 
 
-def test_derived_numbers() -> None:
+def test_derived_numbers():
     """A pixel of 1 mm at 1 m, 20 mm from view to view: a pixel of disparity is 0.05 / m in inverse distance."""
     vfov = math.degrees(2.0 * math.atan(0.5 * HEIGHT * 1e-3))
     numbers = array(vfov=vfov, spacing=0.02, focus_distance=2.0).describe(WIDTH, HEIGHT)
@@ -211,7 +200,7 @@ def test_derived_numbers() -> None:
 
 
 @pytest.mark.parametrize("fill", [False, True])
-def test_rays_of_a_slab_meet_both_planes_where_they_say(fill: bool) -> None:
+def test_rays_of_a_slab_meet_both_planes_where_they_say(fill):
     keys = {
         **LOOK,
         "rows": ROWS,
@@ -240,7 +229,7 @@ def test_rays_of_a_slab_meet_both_planes_where_they_say(fill: bool) -> None:
     assert views.focus_distance == pytest.approx(3.0)
 
 
-def test_a_slab_keeps_pixels_square() -> None:
+def test_a_slab_keeps_pixels_square():
     """A second plane that is not of the film's shape shows the largest part that is."""
     wide = LightSlab.model_validate({**LOOK, "rows": 1, "columns": 1, "uv": 0.1, "st": [9.0, 1.5], "separation": 3.0})
     plane = wide.pack(WIDTH, HEIGHT).plane
@@ -262,21 +251,20 @@ objects:
 """
 
 
-def scene(camera: str = "", film: str = "", spp: int = 32) -> SceneSpec:
+def scene(camera="", film="", spp=32):
     return build(SCENE.format(camera=camera, film=film, spp=spp), "test.yaml")
 
 
 @pytest.fixture(scope="module")
-def whole() -> Rendered:
+def whole():
     return render(scene(), threads=2)
 
 
-def views_of(image: Image) -> Any:
-    assert image.layout is not None
+def views_of(image):
     return image.layout.light_field(image)
 
 
-def test_a_picture_is_the_light_field_of_its_views(whole: Rendered) -> None:
+def test_a_picture_is_the_light_field_of_its_views(whole):
     field = views_of(whole.image)
     assert whole.image.radiance.shape == (60, 48, 3)
     assert field.radiance.shape == (3, 2, 20, 24, 3)
@@ -284,7 +272,7 @@ def test_a_picture_is_the_light_field_of_its_views(whole: Rendered) -> None:
     np.testing.assert_array_equal(field.view(2, 1), whole.image.radiance[40:60, 24:48])
 
 
-def test_a_near_ball_goes_left_as_the_camera_goes_right_and_the_one_in_focus_stays(whole: Rendered) -> None:
+def test_a_near_ball_goes_left_as_the_camera_goes_right_and_the_one_in_focus_stays(whole):
     """Middles of what is green, 1.8 m away, and of what is red, in the plane of convergence, 3 m away."""
     field = views_of(whole.image)
     axis = np.linalg.norm([0.0, 0.2, 3.0])
@@ -300,43 +288,17 @@ def test_a_near_ball_goes_left_as_the_camera_goes_right_and_the_one_in_focus_sta
 
 
 BALLS = {"red": (0.0, 0.4, 0.0), "green": (0.5, 0.4, 1.2)}
-TELLS = {
-    "red": lambda view: view[..., 0] > 1.5 * view[..., 2],
-    "green": lambda view: view[..., 1] > 1.5 * view[..., 2],
-}
+TELLS = {"red": lambda view: view[..., 0] > 1.5 * view[..., 2], "green": lambda view: view[..., 1] > 1.5 * view[..., 2]}
 
 
-def _middle(inside: NDArray[np.bool_]) -> tuple[float, float]:
+def _middle(inside):
     rows, columns = np.nonzero(inside)
     return float(columns.mean()), float(rows.mean())
 
 
-def test_a_view_is_what_a_pinhole_in_its_place_sees(whole: Rendered) -> None:
-    """Parallel views, whose films are not shifted, against pinholes beside each other: alike but for noise."""
-    several = render(scene(", convergence_distance: inf", spp=256), threads=2).image
-    views = several.layout
-    assert views is not None
-    offset = views.views.position[0, 1]
-    pose = views.views.pose
-    assert pose is not None
-    shift = offset[0] * np.array(pose.right) + offset[1] * np.array(pose.up)
-    text = SCENE.format(camera="", film="", spp=256).replace("camera_array", "pinhole")
-    text = text.replace(", rows: 3, columns: 2,\n  spacing: [0.6, 0.4]", "")
-    text = text.replace("[0, 0.5, 3]", str([*map(float, np.add([0, 0.5, 3], shift))]))
-    text = text.replace("[0, 0.3, 0]", str([*map(float, np.add([0, 0.3, 0], shift))]))
-    single = render(build(text, "pinhole.yaml"), threads=2, seed=5).image
-    assert single.variance is not None
-    assert several.variance is not None
-    own = np.s_[:20, 24:]
-    verdict = z_test(several.radiance[own], several.variance[own], single.radiance, single.variance)
-    assert verdict.passed, verdict.reason
-
-
-def test_noise_of_views_is_independent(whole: Rendered) -> None:
+def test_noise_of_views_is_independent(whole):
     """Return the differences of two seeds in the same pixels of two views, over their standard deviations."""
     other = render(scene(), threads=2, seed=9).image
-    assert whole.image.variance is not None
-    assert other.variance is not None
     spread = np.sqrt(whole.image.variance + other.variance)
     score = np.divide(whole.image.radiance - other.radiance, spread, out=np.zeros(spread.shape), where=spread > 0.0)
     apart = np.swapaxes(score[..., 1].reshape(3, 20, 2, 24), 1, 2).reshape(6, -1)
@@ -345,7 +307,7 @@ def test_noise_of_views_is_independent(whole: Rendered) -> None:
     assert np.abs(likeness).max() < 4.0 / math.sqrt(480.0)
 
 
-def test_threads_and_crops_leave_the_bits_of_all_views(whole: Rendered) -> None:
+def test_threads_and_crops_leave_the_bits_of_all_views(whole):
     alone = render(scene(), threads=1)
     np.testing.assert_array_equal(alone.image.radiance, whole.image.radiance)
     # Across the edges of views.
@@ -354,86 +316,58 @@ def test_threads_and_crops_leave_the_bits_of_all_views(whole: Rendered) -> None:
     assert part.layout is None
 
 
-def test_filters_draw_from_their_own_view_only(whole: Rendered) -> None:
-    """A row of cameras far apart, one of which sees only a dark ball: nothing of what the others see gets into it."""
-    text = """
-camera: {type: camera_array, look_from: [0, 0, 0], look_at: [0, 0, -1], vfov: 40, rows: 1, columns: 3, spacing: 100,
-  focus_distance: inf}
-film: {width: 8, height: 8, filter: {type: box, width: 14}}
-render: {spp: 64, max_depth: 1, sampler: independent}
-environment: {type: gradient, horizon: [1, 1, 1], zenith: [1, 1, 1]}
-objects:
-  - {type: sphere, center: [0, 0, -30], radius: 29, material: {type: lambertian, albedo: 0}}
-  - {type: quad, corner: [0, -99, 0], edges: [[1, 0, 0], [0, 0, 1]], material: {type: lambertian, albedo: 0}}
-"""
-    field = views_of(render(build(text, "dark.yaml"), threads=2).image)
-    np.testing.assert_array_equal(field.view(0, 1), 0.0)
-    np.testing.assert_allclose(field.view(0, 0), 1.0, atol=1e-12)
-    np.testing.assert_allclose(field.view(0, 2), 1.0, atol=1e-12)
-
-
 @pytest.mark.slow
-def test_the_mean_of_views_that_fill_a_lens_is_its_photograph() -> None:
+def test_the_mean_of_views_that_fill_a_lens_is_its_photograph():
     """4 x 4 square lenses of 50 mm against one of 200 mm: the same picture, sharp at the distance of convergence."""
     text = SCENE.replace("rows: 3, columns: 2,\n  spacing: [0.6, 0.4]", "{lens}")
     views = text.format(lens="rows: 4, columns: 4, spacing: 0.05, fill: true", camera="", film="", spp=128)
     lens = f"aperture: {400.0 / math.sqrt(math.pi)}, aperture_shape: {{type: polygon, blades: 4, rotation: 45}}"
     single = text.format(lens=lens, camera="", film="", spp=2048).replace("camera_array", "thin_lens")
     field = render(build(views, "views.yaml"), threads=2).image
-    assert field.variance is not None
-    assert field.layout is not None
     together = views_of(field).radiance.mean(axis=(0, 1))
     noise = np.swapaxes(field.variance.reshape(4, 20, 4, 24, 3), 1, 2).mean(axis=(0, 1)) / 16.0
     photograph = render(build(single, "lens.yaml"), threads=2, seed=3).image
-    assert photograph.variance is not None
     verdict = z_test(together, noise, photograph.radiance, photograph.variance)
     assert verdict.passed, verdict.reason
 
 
 @pytest.mark.slow
-def test_an_array_a_million_metres_away_sees_the_same(tmp_path: Path) -> None:
+def test_an_array_a_million_metres_away_sees_the_same(tmp_path):
     result = yaml.safe_load(SCENE.format(camera="", film="", spp=128))
     here, there = (render(checked(each, tmp_path), threads=2) for each in (result, moved(result, (1e6, -1e6, 1e6))))
     one, other = here.image, there.image
     assert "recentring" in there.stats.effects
-    assert one.variance is not None
-    assert other.variance is not None
     verdict = z_test(one.radiance, one.variance, other.radiance, other.variance)
     assert verdict.passed, verdict.reason
-    assert other.layout is not None
-    assert other.layout.views.pose is not None
     np.testing.assert_allclose(other.layout.views.pose.origin, [1e6, -1e6 + 0.5, 1e6 + 3.0])
 
 
 # ---- Photographs of many cameras
 
 
-def test_each_view_has_its_own_metering_circle() -> None:
+def test_each_view_has_its_own_metering_circle():
     spot = Metering("spot", 0.25, 0.5, 0.3)
     one = metering_weights(spot, CropWindow(24, 20, 0, 0), 20, 24)
     many = metering_weights(spot, CropWindow(48, 60, 0, 0, (24, 20)), 60, 48)
     np.testing.assert_allclose(many, np.tile(one, (3, 2)) / 6.0, atol=1e-18)
 
 
-def test_every_view_is_denoised_by_itself() -> None:
+def test_every_view_is_denoised_by_itself():
+    # All of the picture, and a crop across the edges of views.
     spec = scene()
-    seen = np.zeros((60, 48), dtype=int)
-    parts = _view_slices(spec, Window(0, 0, *spec.picture()))
-    assert len(parts) == 6
-    for part in parts:
-        assert seen[part].shape == (20, 24)
-        seen[part] += 1
-    assert np.all(seen == 1)
-    cropped = np.zeros((35, 20), dtype=int)
-    for part in _view_slices(spec, Window(20, 15, 40, 50)):
-        cropped[part] += 1
-    assert np.all(cropped == 1)
-    assert [cropped[part].shape for part in _view_slices(spec, Window(20, 15, 40, 50))] == [
-        (5, 4), (5, 16), (20, 4), (20, 16), (10, 4), (10, 16),
-    ]  # fmt: skip
+    for window, sizes in (
+        (Window(0, 0, *spec.picture()), [(20, 24)] * 6),
+        (Window(20, 15, 40, 50), [(5, 4), (5, 16), (20, 4), (20, 16), (10, 4), (10, 16)]),
+    ):
+        seen = np.zeros((window.bottom - window.top, window.right - window.left), dtype=int)
+        parts = _view_slices(spec, window)
+        assert [seen[part].shape for part in parts] == sizes
+        for part in parts:
+            seen[part] += 1
+        assert np.all(seen == 1)
 
 
-def test_lines_of_a_rolling_shutter_are_those_of_each_view() -> None:
+def test_lines_of_a_rolling_shutter_are_those_of_each_view():
     spec = array(shutter={"duration": 0.01, "readout": 0.1}, motion={"velocity": [1, 0, 0]})
     packed = pack_camera(spec, WIDTH, HEIGHT)
     assert isinstance(packed, MovingCamera)
@@ -441,43 +375,12 @@ def test_lines_of_a_rolling_shutter_are_those_of_each_view() -> None:
     assert film_to_view(packed, left + 0.5, top + 0.25) == (7.5, 29.25)
 
 
-def test_the_pose_is_where_a_moving_array_is_in_the_middle_of_the_exposure() -> None:
+def test_the_pose_is_where_a_moving_array_is_in_the_middle_of_the_exposure():
     layout = light_field_layout(scene(", shutter: {open: 0, close: 2}, motion: {velocity: [0.1, 0, 0]}"))
-    assert layout is not None
-    assert layout.views.pose is not None
     np.testing.assert_allclose(layout.views.pose.origin, [0.1, 0.5, 3.0], atol=1e-15)
 
 
 # ---- What is refused
-
-
-@pytest.mark.parametrize(
-    ("camera", "film", "message"),
-    [
-        (", fill: true, f_number: 2, focal_length: 50", "", "camera.f_number: f_number and fill both say what the"),
-        (", convergence_distance: 0", "", "camera.convergence_distance: must be greater than 0"),
-        (
-            "",
-            ", filter: {type: gaussian, radius: 25}",
-            "film.filter: reaches 25 pixels far, beyond views of so few: 24",
-        ),
-        ("", ", filter: {type: box, width: 60}", "film.filter: reaches 30 pixels far"),
-        (
-            ", sensor: {format: full_frame, noise: true, bayer: rggb}, f_number: 2, iso: 100, shutter: 1",
-            "",
-            "camera.sensor.bayer: colours are interpolated over the edges of views",
-        ),
-        (
-            ", iso: 100, shutter: 1, focal_length: 50",
-            "",
-            "give a finite f_number, or aperture or defocus_angle, or fill",
-        ),
-    ],
-)
-def test_what_does_not_go_together_is_refused(camera: str, film: str, message: str) -> None:
-    with pytest.raises(SceneError) as caught:
-        scene(camera, film)
-    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -487,25 +390,43 @@ def test_what_does_not_go_together_is_refused(camera: str, film: str, message: s
         ("rows: 2, columns: 2000, spacing: 1", "camera.columns: must be at most 1024, got 2000"),
         ("rows: 2, columns: 2, spacing: [1, 2, 3]", "camera.spacing: must be one number, or two"),
         ("rows: 2, columns: 2, spacing: [1, -2]", "camera.spacing[1]: must be greater than 0"),
-        ("rows: 2, columns: 2", "camera.spacing: is missing"),
-        ("rows: 2, columns: 2, spacing: 1, colums: 2", "unknown key 'colums' of camera_array; did you mean 'columns'"),
     ],
 )
-def test_wrong_keys_are_told(keys: str, message: str) -> None:
+def test_wrong_keys_are_told(keys, message):
     with pytest.raises(SceneError) as caught:
         build(f"camera: {{type: camera_array, {keys}}}\nfilm: {{width: 4, height: 4}}\n", "test.yaml")
     assert message in str(caught.value)
 
 
-def test_a_picture_that_cannot_be_held_is_refused_before_it_is_rendered() -> None:
+def test_crops_are_counted_in_pixels_of_the_whole_picture():
+    with pytest.raises(InputError, match="0,0,48,60"):
+        render(scene(), crop=(0, 0, 49, 60))
+
+
+NOISY = "sensor: {format: full_frame, noise: true, bayer: rggb}, f_number: 2, iso: 100, shutter: 1"
+
+
+@pytest.mark.parametrize(
+    ("camera", "film", "message"),
+    [
+        ("fill: true, f_number: 2, focal_length: 50", "", "camera.f_number: f_number and fill both say what the"),
+        ("convergence_distance: 0", "", "camera.convergence_distance: must be greater than 0"),
+        ("", "filter: {type: gaussian, radius: 25}", "film.filter: reaches 25 pixels far, beyond views of so few: 24"),
+        ("", "filter: {type: box, width: 60}", "film.filter: reaches 30 pixels far"),
+        (NOISY, "", "camera.sensor.bayer: colours are interpolated over the edges of views"),
+        ("iso: 100, shutter: 1, focal_length: 50", "", "give a finite f_number, or aperture or defocus_angle, or fill"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(camera, film, message):
+    with pytest.raises(SceneError) as caught:
+        scene(camera and f", {camera}", film and f", {film}")
+    assert message in str(caught.value)
+
+
+def test_a_picture_that_cannot_be_held_is_refused_before_it_is_rendered():
     text = SCENE.format(camera="", film="", spp=1).replace("rows: 3, columns: 2", "rows: 1024, columns: 1024")
     text = text.replace("{width: 24, height: 20}", "{width: 64, height: 64}")
     with pytest.raises(
         InputError, match=r"(65536 x 65536 is 4,294,967,296 pixels|GB of memory), .* rt lightfield render"
     ):
         render(build(text, "test.yaml"))
-
-
-def test_crops_are_counted_in_pixels_of_the_whole_picture(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="0,0,48,60"):
-        render(scene(), crop=(0, 0, 49, 60))

@@ -2,149 +2,69 @@
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from pydantic import ValidationError
 
-from raytracer.plugins.cameras.base.thin_lens_ray import ThinLensPupil
 from raytracer.plugins.cameras.pinhole import Pinhole
 from raytracer.plugins.cameras.thin_lens import ThinLens
 from raytracer.scene.assets import LOADERS
 from raytracer.schema.registry import CAMERAS
-from raytracer.schema.spec import Spec
 from tests.plugins.cameras.kernels import camera_rays, projected, weighted_rays
 from tests.repository import SCENES
-from tests.small_scenes import image, rendered
+from tests.small_scenes import rendered
 
 _GLASS = str(SCENES / "lenses" / "double-gauss-50mm.yaml")
 
-EXAMPLES: dict[str, list[dict[str, Any]]] = {
-    "camera_array": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "rows": 2, "columns": 3, "spacing": "20 mm", "vfov": 35},
-        {
-            "look_from": [1, 2, 3],
-            "look_at": [0, 0, 0],
-            "rows": 3,
-            "columns": 2,
-            "spacing": [0.02, 0.03],
-            "fill": True,
-            "focal_length": 50,
-            "focus_distance": math.inf,
-            "convergence_distance": 3,
-            "shutter": "1/125 s",
-            "iso": 400,
-        },
-    ],
-    "light_field": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "focal_length": 50, "f_number": 4},
-        {
-            "look_from": [1, 2, 3],
-            "look_at": [0, 0, 0],
-            "sensor": "1-inch",
-            "focal_length": 30,
-            "f_number": 2.8,
-            "microlenses": {"pixels": 4, "layout": "hexagonal", "rotation": 3, "model": "pinhole"},
-            "shutter": "1/125 s",
-            "iso": 400,
-        },
-    ],
-    "light_slab": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "rows": 2, "columns": 3, "uv": 0.2, "st": [4, 3]},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "rows": 1, "columns": 1, "uv": [0.2, 0.3], "st": [40, 30]},
-    ],
-    "none": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
-        {
-            "look_from": [1, 2, 3],
-            "look_at": [0, 0, 0],
-            "sensor": {"width": 200, "height": 100},
-            "sensor_fit": "overscan",
-        },
-    ],
-    "equirectangular": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "hfov": 120, "vfov": 70},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "wavelength": 550},
-    ],
-    "fisheye": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "fov": 220},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "projection": "equisolid", "fov": 360},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "projection": "stereographic", "fov": 300},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "projection": "orthographic"},
-    ],
-    "lens": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "lens": _GLASS, "dispersion": False},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "lens": _GLASS, "f_number": 8, "focus_distance": math.inf},
-        {
-            "look_from": [1, 2, 3],
-            "look_at": [0, 0, 0],
-            "lens": _GLASS,
-            "sensor": "aps-c",
-            "f_number": 4,
-            "aperture_shape": {"type": "polygon", "blades": 5},
-            "focus": "rms",
-            "flare": True,
-            "shutter": "1/125 s",
-            "iso": 400,
-        },
-    ],
-    "orthographic": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "height": 3},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "width": 5},
-    ],
-    "pinhole": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "sensor": "aps-c", "focal_length": 28},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "focal_length": 100, "diameter": 2},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "focal_length": 50, "f_number": 8, "shutter": 1, "iso": 100},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "hfov": 70, "sensor": {"width": 24, "height": 36}},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "equivalent_focal_length": 24, "sensor_fit": "overscan"},
-    ],
-    "ray": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
-        {"look_from": [1, 2, 3], "look_at": [1, 5, 3], "wavelength": "550 nm"},
-    ],
-    "thin_lens": [
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35, "defocus_angle": 2},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35, "focus_distance": math.inf, "aperture": 50},
-        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35, "focus_distance": 2, "aperture": 0},
-        {
-            "look_from": [1, 2, 3],
-            "look_at": [0, 0, 0],
-            "sensor": "1-inch",
-            "equivalent_focal_length": 35,
-            "f_number": 2,
-        },
-        {
-            "look_from": [1, 2, 3],
-            "look_at": [0, 0, 0],
-            "focal_length": 50,
-            "f_number": 1.4,
-            "shutter": "1/125 s",
-            "iso": 400,
-        },
-        {
-            "look_from": [1, 2, 3],
-            "look_at": [0, 0, 0],
-            "dfov": 60,
-            "sensor": "four_thirds",
-            "sensor_fit": "vertical",
-            "f_number": 1.4,
-            "pupil": "flat",
-            "exposure": "auto",
-        },
-        {
-            "look_from": [1, 2, 3],
-            "look_at": [0, 0, 0],
-            "vfov": 35,
-            "aperture": 100,
-            "aperture_shape": {"type": "polygon", "blades": 5, "curvature": 0.2, "anamorphic": 1.5},
-            "vignetting": {"diameter": 150, "distance": 60},
-        },
-    ],
+EXAMPLES = yaml.safe_load(f"""
+camera_array:
+- {{rows: 2, columns: 3, spacing: 20 mm, vfov: 35}}
+- {{rows: 3, columns: 2, spacing: [0.02, 0.03], fill: true, focal_length: 50, focus_distance: .inf,
+   convergence_distance: 3, shutter: 1/125 s, iso: 400}}
+light_field:
+- {{focal_length: 50, f_number: 4}}
+- {{sensor: 1-inch, focal_length: 30, f_number: 2.8, shutter: 1/125 s, iso: 400,
+   microlenses: {{pixels: 4, layout: hexagonal, rotation: 3, model: pinhole}}}}
+light_slab:
+- {{rows: 2, columns: 3, uv: 0.2, st: [4, 3]}}
+- {{rows: 1, columns: 1, uv: [0.2, 0.3], st: [40, 30]}}
+none: [{{}}, {{sensor: {{width: 200, height: 100}}, sensor_fit: overscan}}]
+equirectangular: [{{}}, {{hfov: 120, vfov: 70}}, {{wavelength: 550}}]
+fisheye:
+- {{}}
+- {{fov: 220}}
+- {{projection: equisolid, fov: 360}}
+- {{projection: stereographic, fov: 300}}
+- {{projection: orthographic}}
+lens:
+- {{lens: '{_GLASS}', dispersion: false}}
+- {{lens: '{_GLASS}', f_number: 8, focus_distance: .inf}}
+- {{lens: '{_GLASS}', sensor: aps-c, f_number: 4, aperture_shape: {{type: polygon, blades: 5}}, focus: rms, flare: true,
+   shutter: 1/125 s, iso: 400}}
+orthographic: [{{height: 3}}, {{width: 5}}]
+pinhole:
+- {{vfov: 35}}
+- {{sensor: aps-c, focal_length: 28}}
+- {{focal_length: 100, diameter: 2}}
+- {{focal_length: 50, f_number: 8, shutter: 1, iso: 100}}
+- {{hfov: 70, sensor: {{width: 24, height: 36}}}}
+- {{equivalent_focal_length: 24, sensor_fit: overscan}}
+ray: [{{}}, {{look_at: [1, 5, 3], wavelength: 550 nm}}]
+thin_lens:
+- {{vfov: 35, defocus_angle: 2}}
+- {{vfov: 35, focus_distance: .inf, aperture: 50}}
+- {{vfov: 35, focus_distance: 2, aperture: 0}}
+- {{sensor: 1-inch, equivalent_focal_length: 35, f_number: 2}}
+- {{focal_length: 50, f_number: 1.4, shutter: 1/125 s, iso: 400}}
+- {{dfov: 60, sensor: four_thirds, sensor_fit: vertical, f_number: 1.4, pupil: flat, exposure: auto}}
+- {{vfov: 35, aperture: 100, aperture_shape: {{type: polygon, blades: 5, curvature: 0.2, anamorphic: 1.5}},
+   vignetting: {{diameter: 150, distance: 60}}}}
+""")
+EXAMPLES = {
+    kind: [{"look_from": [1, 2, 3], "look_at": [0, 0, 0], **keys} for keys in all_of]
+    for kind, all_of in EXAMPLES.items()
 }
 
 CASES = [
@@ -161,7 +81,7 @@ IMAGING = [case for case in CASES if case.values[0]["type"] not in (*VIEWS, "non
 SHARP = [case for case in IMAGING if "diameter" not in case.values[0] and case.values[0]["type"] != "lens"]
 
 
-def camera(**keys: Any) -> Any:
+def camera(**keys):
     spec = CAMERAS.specs()[keys.get("type", "pinhole")].model_validate(keys)
     files = {".".join(map(str, place)): LOADERS[kind](Path(name)) for place, (name, kind) in spec.files().items()}
     return spec.bind_assets(files)
@@ -170,11 +90,11 @@ def camera(**keys: Any) -> Any:
 # ---- Every kind
 
 
-def test_every_kind_has_an_example() -> None:
+def test_every_kind_has_an_example():
     assert set(EXAMPLES) == set(CAMERAS.specs())
 
 
-def assert_rays(packed: Any, width: int, height: int, count: int = 100) -> None:
+def assert_rays(packed, width, height, count=100):
     """At places all over the film, its corners, edges and middle among them, rays are unit vectors and numbers."""
     rng = np.random.default_rng(1)
     x, y = (grid.ravel() for grid in np.meshgrid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0]))
@@ -191,7 +111,7 @@ def assert_rays(packed: Any, width: int, height: int, count: int = 100) -> None:
 
 @pytest.mark.parametrize("size", [(40, 30), (1, 16384), (16384, 1)])
 @pytest.mark.parametrize("keys", CASES)
-def test_rays_are_unit_vectors_and_numbers(keys: dict[str, Any], size: tuple[int, int]) -> None:
+def test_rays_are_unit_vectors_and_numbers(keys, size):
     assert_rays(camera(**keys).pack(*size), *size, count=2000)
 
 
@@ -201,7 +121,7 @@ def test_rays_are_unit_vectors_and_numbers(keys: dict[str, Any], size: tuple[int
     "kind",
     [pytest.param(kind, marks=[pytest.mark.slow] if kind == "lens" else []) for kind in sorted(EXAMPLES)],
 )
-def test_numbers_of_any_size_are_refused_or_make_rays(kind: str, number: float) -> None:
+def test_numbers_of_any_size_are_refused_or_make_rays(kind, number):
     tried = 0
     for example in EXAMPLES[kind]:
         for key in sorted(CAMERAS.specs()[kind].model_fields.keys() - {"type"}):
@@ -217,7 +137,7 @@ def test_numbers_of_any_size_are_refused_or_make_rays(kind: str, number: float) 
 
 
 @pytest.mark.parametrize("keys", IMAGING)
-def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys: dict[str, Any]) -> None:
+def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys):
     spec = camera(**keys)
     _, directions, weights = weighted_rays(spec.pack(40, 30), np.full(4000, 20.0), 15.0)
     view = np.subtract(spec.look_at, spec.look_from)
@@ -235,7 +155,7 @@ def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys: dict[s
 
 
 @pytest.mark.parametrize("keys", [case for case in IMAGING if case.values[0]["type"] in ("pinhole", "thin_lens")])
-def test_fields_of_view_are_what_the_film_shows(keys: dict[str, Any]) -> None:
+def test_fields_of_view_are_what_the_film_shows(keys):
     """Points at half the angles that a camera says it sees are at the edges and in a corner of the picture."""
     spec = camera(**keys)
     numbers, frame = spec.describe(40, 30), spec.frame()
@@ -251,7 +171,7 @@ def test_fields_of_view_are_what_the_film_shows(keys: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("keys", CASES)
-def test_cameras_describe_themselves_in_finite_numbers(keys: dict[str, Any]) -> None:
+def test_cameras_describe_themselves_in_finite_numbers(keys):
     numbers = camera(**keys).describe(40, 30)
     assert numbers
     for name, value in numbers.items():
@@ -262,7 +182,7 @@ def test_cameras_describe_themselves_in_finite_numbers(keys: dict[str, Any]) -> 
 
 
 @pytest.mark.parametrize("keys", SHARP)
-def test_what_a_ray_meets_is_projected_to_where_the_ray_started(keys: dict[str, Any]) -> None:
+def test_what_a_ray_meets_is_projected_to_where_the_ray_started(keys):
     # Through a lens, what lies in the plane of focus.
     rng = np.random.default_rng(2)
     spec = camera(**keys)
@@ -289,7 +209,7 @@ def test_what_a_ray_meets_is_projected_to_where_the_ray_started(keys: dict[str, 
 
 @pytest.mark.parametrize("vfov", [20.0, 90.0, 179.9])
 @pytest.mark.parametrize(("width", "height"), [(40, 30), (30, 40), (1, 1)])
-def test_edges_of_the_film_are_the_field_of_view(vfov: float, width: int, height: int) -> None:
+def test_edges_of_the_film_are_the_field_of_view(vfov, width, height):
     # Half the field of view up to the top edge; square pixels to the sides.  Hard case 27: tan(89.95 deg) = 1145.9.
     half = math.tan(math.radians(vfov / 2.0))
     packed = camera(vfov=vfov).pack(width, height)
@@ -301,42 +221,7 @@ def test_edges_of_the_film_are_the_field_of_view(vfov: float, width: int, height
         assert half == pytest.approx(1145.9, abs=0.1)
 
 
-def test_points_appear_in_their_pixels() -> None:
-    # A known point of space, projected by hand to film coordinates; an emitter there, no larger than 0.01 pixels,
-    # lights that pixel and no other.
-    eye, target = np.array([3.0, 2.0, 5.0]), np.array([0.5, -0.3, 0.2])
-    forward = (target - eye) / np.linalg.norm(target - eye)
-    right = np.cross(forward, [0.0, 1.0, 0.0])
-    right /= np.linalg.norm(right)
-    up = np.cross(right, forward)
-    half = math.tan(math.radians(20.0))
-    for point in ([0.6, 0.1, 0.3], [-0.4, -1.0, 0.9], [1.0, 0.5, -1.0]):
-        to = np.array(point) - eye
-        x = 8.0 + 8.0 * (to @ right) / (to @ forward) / half
-        y = 8.0 - 8.0 * (to @ up) / (to @ forward) / half
-        _, directions = camera_rays(
-            camera(look_from=eye.tolist(), look_at=target.tolist(), vfov=40.0).pack(16, 16), x, y
-        )
-        np.testing.assert_allclose(directions[0], to / np.linalg.norm(to), rtol=0.0, atol=1e-14)
-        picture = image(
-            f"""
-camera: {{type: pinhole, look_from: {eye.tolist()}, look_at: {target.tolist()}, vfov: 40}}
-environment: {{type: constant, radiance: 1.0e-30}}
-objects:
-  - {{type: sphere, center: {point}, radius: 0.02, material: {{type: emitter, radiance: 1}}}}
-""",
-            max_depth=1,
-            spp=4096,
-        )
-        weight = picture.radiance[..., 0]
-        rows, columns = np.mgrid[0:16, 0:16] + 0.5
-        assert weight[int(y), int(x)] > 0.0
-        # The centroid of a sphere of 0.08 pixels is known to its radius; pixels hold it to within theirs.
-        assert abs((weight * columns).sum() / weight.sum() - x) < 0.6
-        assert abs((weight * rows).sum() / weight.sum() - y) < 0.6
-
-
-def test_frame_is_orthonormal_however_close_up_is_to_the_view() -> None:
+def test_frame_is_orthonormal_however_close_up_is_to_the_view():
     # Hard case 28: parallel is an error; 1e-6 rad off, the frame is orthonormal to 1e-12.
     for angle in (1.0, 1e-3, 1e-6, 1e-9):
         spec = camera(look_from=[0, 0, 0], look_at=[0, 0, -2], up=[0, math.sin(angle), -math.cos(angle)])
@@ -354,7 +239,7 @@ def test_frame_is_orthonormal_however_close_up_is_to_the_view() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-30, 1e30])
-def test_frames_do_not_depend_on_how_long_their_vectors_are(size: float) -> None:
+def test_frames_do_not_depend_on_how_long_their_vectors_are(size):
     # Down to the smallest and up to the largest that a scene may have, squares and their sums are numbers.
     plain = camera(look_at=[0, 1, -2], up=[1, 2, 0])
     spec = plain.model_copy(update={"look_at": (0.0, size, -2.0 * size), "up": (size, 2.0 * size, 0.0)})
@@ -362,27 +247,21 @@ def test_frames_do_not_depend_on_how_long_their_vectors_are(size: float) -> None
     assert spec.distance() == pytest.approx(math.sqrt(5.0) * size, rel=1e-15)
 
 
-@pytest.mark.parametrize("vfov", [0.0, 180.0, -10.0, 200.0])
-def test_impossible_fields_of_view_are_refused(vfov: float) -> None:
-    with pytest.raises(ValidationError):
-        camera(vfov=vfov)
-
-
 # ---- Thin lens
 
 
-def lens_spec(**keys: Any) -> ThinLens:
+def lens_spec(**keys):
     return ThinLens.model_validate({"look_from": [0, 0, 0], "look_at": [0, 0, -10], "vfov": 20, **keys})
 
 
-def test_defocus_angle_is_the_cone_from_focus_to_lens() -> None:
+def test_defocus_angle_is_the_cone_from_focus_to_lens():
     # Camera truths: F = 10, delta = 0.6 deg: A = 2 F tan(delta / 2) = 0.104720 m.
     assert lens_spec(defocus_angle=0.6).pupil_diameter(40, 30) == pytest.approx(0.104720, abs=1e-6)
     assert lens_spec(aperture=104.72).pupil_diameter(40, 30) == pytest.approx(0.10472)
 
 
 @pytest.mark.parametrize("focus", [0.5, 10.0, 1e4])
-def test_rays_of_a_film_point_meet_in_the_plane_of_focus(focus: float) -> None:
+def test_rays_of_a_film_point_meet_in_the_plane_of_focus(focus):
     spec = lens_spec(focus_distance=focus, aperture=100)
     x, y = 31.0, 7.0
     origins, directions = camera_rays(spec.pack(40, 30), np.full(1000, x), y)
@@ -391,6 +270,8 @@ def test_rays_of_a_film_point_meet_in_the_plane_of_focus(focus: float) -> None:
     assert (origins[:, 2] == 0.0).all()
     assert (radius <= 0.05 * (1.0 + 1e-12)).all()
     assert (radius < 0.025).mean() == pytest.approx(0.25, abs=0.05)
+    # Without an exposure they carry equal weight, so that what is uniform stays so.
+    assert (weighted_rays(spec.pack(40, 30), np.full(100, x), y)[2] == 1.0).all()
     # At z = -focus, all where the pinhole's ray of that film point is.
     meeting = origins + directions * (-focus / directions[:, 2:])
     _, straight = camera_rays(Pinhole(look_from=(0, 0, 0), look_at=(0, 0, -10), vfov=20).pack(40, 30), x, y)
@@ -398,139 +279,17 @@ def test_rays_of_a_film_point_meet_in_the_plane_of_focus(focus: float) -> None:
     np.testing.assert_allclose(meeting, np.tile(expected, (1000, 1)), rtol=0.0, atol=1e-14 * focus + 1e-15)
 
 
-def test_an_aperture_is_a_name_where_its_defaults_will_do() -> None:
-    assert lens_spec(aperture_shape="polygon") == lens_spec(aperture_shape={"type": "polygon"})
-    assert lens_spec(aperture=9, aperture_shape="round").pack(40, 30) == lens_spec(aperture=9).pack(40, 30)
-
-
-def test_focus_at_infinity_sends_parallel_rays() -> None:
-    # Hard case 24: o + inf * d is not a number.
-    packed = lens_spec(focus_distance=math.inf, aperture=100).pack(40, 30)
-    assert packed.lens == ThinLensPupil(0.05, 0.0)
-    origins, directions = camera_rays(packed, np.full(500, 5.0), 5.0)
-    assert np.isfinite(directions).all()
-    assert (directions == directions[0]).all()
-    assert np.unique(origins, axis=0).shape == (500, 3)
-    with pytest.raises(ValidationError, match="aperture"):
-        lens_spec(focus_distance=math.inf, defocus_angle=1.0)
-
-
-@pytest.mark.parametrize("keys", [{}, {"aperture": 0}, {"defocus_angle": 0}, {"aperture": 0, "focus_distance": 3}])
-def test_no_aperture_is_the_pinhole_bit_for_bit(keys: dict[str, Any]) -> None:
-    # Hard case 23: normalize(focus * d) would differ from normalize(d) in half of all rays.
-    packed = lens_spec(**keys).pack(40, 30)
-    pinhole = Pinhole(look_from=(0, 0, 0), look_at=(0, 0, -10), vfov=20).pack(40, 30)
-    assert packed == pinhole
-    assert packed.lens is None
-    text = "camera: {{type: {}, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40{}}}\n"
-    rest = """
-environment: {type: constant, radiance: 1}
-objects:
-  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal, fuzz: 0.5}}
-"""
-    more = "".join(f", {key}: {value}" for key, value in keys.items())
-    np.testing.assert_array_equal(
-        image(text.format("thin_lens", more) + rest, spp=8).radiance,
-        image(text.format("pinhole", "") + rest, spp=8).radiance,
-    )
-
-
-def test_a_tiny_aperture_is_the_pinhole_within_a_hundredth_of_a_pixel() -> None:
-    # Hard case 26: the blur A |z - F| / z / F of a lens of 0.05 mm, at half the focus distance: 5e-6, 3e-4 pixels.
-    spec = lens_spec(focus_distance=10, aperture=0.05)
-    origins, directions = camera_rays(spec.pack(40, 30), np.full(1000, 8.0), 8.0)
-    _, straight = camera_rays(lens_spec().pack(40, 30), 8.0, 8.0)
-    at = origins + directions * (-5.0 / directions[:, 2:])
-    expected = straight[0] * (-5.0 / straight[0, 2])
-    pixel = 2.0 * math.tan(math.radians(10.0)) / 30.0 * 5.0
-    assert np.linalg.norm(at - expected, axis=1).max() < 0.01 * pixel
-
-
-@pytest.mark.parametrize(("distance", "pixels"), [(5.0, 20.044), (20.0, 10.022)])
-def test_circle_of_confusion_of_a_point(distance: float, pixels: float) -> None:
-    # Camera truths: C = A |z - F| / z on the plane of focus; F = 10, delta = 0.6, vfov 20, 675 rows.  A point of light
-    # blurs to an even disc, whose variance along each axis is (C / 4)^2: measured on the image, 51 of the 675 rows.
-    size = 0.002 * distance / 5.0
-    vfov = math.degrees(2.0 * math.atan(math.tan(math.radians(10.0)) * 51.0 / 675.0))
-    picture = image(
-        f"""
-camera: {{type: thin_lens, look_from: [0, 0, 0], look_at: [0, 0, -10], vfov: {vfov}, defocus_angle: 0.6}}
-objects:
-  - {{type: sphere, center: [0, 0, {-distance}], radius: {size}, material: {{type: emitter, radiance: 1}}}}
-""",
-        width=51,
-        height=51,
-        max_depth=1,
-        spp=4096,
-    )
-    weight = picture.radiance[..., 0]
-    rows, columns = np.mgrid[0:51, 0:51] - 25.0
-    total = weight.sum()
-    # A pixel's own width adds 1/12, and the sphere's own image its radius^2 / 4.
-    pixel = 2.0 * math.tan(math.radians(10.0)) / 675.0 * distance
-    own = 1.0 / 12.0 + (size / pixel) ** 2 / 4.0
-    for axis in (rows, columns):
-        middle = (weight * axis).sum() / total
-        measured = 4.0 * math.sqrt((weight * (axis - middle) ** 2).sum() / total - own)
-        assert abs(middle) < 0.1
-        assert measured == pytest.approx(pixels, rel=0.02)
-    # And nothing beyond it, but for the sphere's own radius and half the diagonal of a pixel.
-    beyond = np.hypot(rows, columns) > 0.5 * pixels + size / pixel + math.sqrt(0.5)
-    assert weight[beyond].sum() == 0.0
-
-
-def test_a_point_in_focus_stays_in_its_pixel() -> None:
-    picture = image(
-        """
-camera: {type: thin_lens, look_from: [0, 0, 0], look_at: [0, 0, -10], vfov: 4, focus_distance: 10, defocus_angle: 2}
-objects:
-  - {type: sphere, center: [0, 0, -10], radius: 0.005, material: {type: emitter, radiance: 1}}
-""",
-        width=15,
-        height=15,
-        max_depth=1,
-        spp=512,
-    )
-    lit = picture.radiance[..., 0] > 0.0
-    assert lit[7, 7]
-    assert lit.sum() == 1
-
-
-def test_a_lens_does_not_change_what_is_uniform() -> None:
-    # A uniform environment stays 1 through any lens: rays carry equal weight.
-    picture = image(
-        """
-camera: {type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40, aperture: 500}
-environment: {type: constant, radiance: 1}
-objects:
-  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal, albedo: 1}}
-""",
-        spp=8,
-    )
-    np.testing.assert_allclose(picture.radiance, 1.0, rtol=1e-14)
-
-
 @pytest.mark.parametrize(
-    "shape", [{"type": "round"}, {"type": "polygon", "curvature": 1}, {"type": "round", "anamorphic": 1}]
+    "shape", ["round", {"type": "round"}, {"type": "polygon", "curvature": 1}, {"type": "round", "anamorphic": 1}]
 )
-def test_a_round_opening_is_the_plain_lens(shape: dict[str, Any]) -> None:
+def test_a_round_opening_is_the_plain_lens(shape):
     plain, shaped = (lens_spec(aperture=50, **keys).pack(40, 30) for keys in ({}, {"aperture_shape": shape}))
     assert shaped == plain
     assert shaped.lens.shape is None
     assert shaped.lens.rim is None
 
 
-def test_neither_shape_nor_rim_of_an_opening_without_size() -> None:
-    keys = {"aperture_shape": {"type": "polygon"}, "vignetting": {"diameter": 5, "distance": 5}}
-    assert lens_spec(**keys).pack(40, 30) == lens_spec().pack(40, 30)
-
-
-def test_only_one_aperture_may_be_given() -> None:
-    with pytest.raises(ValidationError, match="give one of them"):
-        lens_spec(defocus_angle=1, aperture=10)
-
-
-def test_cameras_describe_themselves() -> None:
+def test_cameras_describe_themselves():
     # 90 degrees high and 4:3: atan(4/3) * 2 = 106.26 across, atan(5/3) * 2 = 118.07 over the diagonal.
     numbers = camera(vfov=90.0).describe(40, 30)
     assert numbers["hfov_deg"] == pytest.approx(106.2602, abs=1e-4)
@@ -540,14 +299,13 @@ def test_cameras_describe_themselves() -> None:
     assert numbers["aperture_diameter_mm"] == pytest.approx(104.720, abs=1e-3)
     # Camera truths: twice the blur at 20 m, which is twice the focus distance, is half that at infinity.
     assert numbers["blur_at_infinity_px"] == pytest.approx(20.044, abs=1e-3)
-    assert isinstance(camera(), Spec)
 
 
 # ---- Orthographic
 
 
 @pytest.mark.parametrize(("keys", "pixel"), [({"height": 3}, 0.1), ({"width": 3}, 0.075)])
-def test_orthographic_rays_are_parallel_and_their_origins_a_grid(keys: dict[str, Any], pixel: float) -> None:
+def test_orthographic_rays_are_parallel_and_their_origins_a_grid(keys, pixel):
     spec = camera(type="orthographic", look_from=[0, 1, 5], look_at=[0, 1, 0], **keys)
     origins, directions = camera_rays(spec.pack(40, 30), [0.0, 20.0, 40.0, 13.5], [0.0, 15.0, 30.0, 4.5])
     np.testing.assert_array_equal(directions, np.tile([0.0, 0.0, -1.0], (4, 1)))
@@ -557,34 +315,10 @@ def test_orthographic_rays_are_parallel_and_their_origins_a_grid(keys: dict[str,
     assert numbers == pytest.approx({"view_width_m": 40 * pixel, "view_height_m": 30 * pixel, "pixel_mm": 1e3 * pixel})
 
 
-def test_orthographic_sizes_do_not_depend_on_distance() -> None:
-    # A disc of 40 x 40 pixels: its area in the picture is pi r^2 / pixel^2, near or far; nothing behind is seen.
-    for z, area in ((4.0, math.pi * 100.0), (-1000.0, math.pi * 100.0), (6.0, 0.0)):
-        picture = image(
-            f"""
-camera: {{type: orthographic, look_from: [0, 0, 5], look_at: [0, 0, 0], height: 1}}
-objects:
-  - {{type: disc, center: [0, 0, {z}], normal: [0, 0, 1], radius: 0.25, material: {{type: emitter, radiance: 1}}}}
-""",
-            width=40,
-            height=40,
-            max_depth=1,
-            spp=64,
-            sampler="sobol",
-        )
-        assert picture.radiance[..., 0].sum() == pytest.approx(area, rel=2e-3)
-
-
-def test_orthographic_needs_one_size() -> None:
-    for keys in ({}, {"height": 1, "width": 1}):
-        with pytest.raises(ValidationError, match="give either height or width"):
-            camera(type="orthographic", **keys)
-
-
 # ---- Equirectangular
 
 
-def test_longitude_and_latitude_are_measured_in_equal_steps() -> None:
+def test_longitude_and_latitude_are_measured_in_equal_steps():
     # 360 x 180 pixels: one pixel a degree.  The x-axis is 90 degrees to the right of -z.
     packed = camera(type="equirectangular", look_from=[0, 0, 0], look_at=[0, 0, -1]).pack(360, 180)
     for longitude, latitude in ((0, 0), (90, 0), (-90, 0), (180, 0), (45, 30), (-120, -60), (10, 90), (0, -90)):
@@ -592,23 +326,6 @@ def test_longitude_and_latitude_are_measured_in_equal_steps() -> None:
         expected = [math.cos(b) * math.sin(a), math.sin(b), -math.cos(b) * math.cos(a)]
         _, directions = camera_rays(packed, 180.0 + longitude, 90.0 - latitude)
         np.testing.assert_allclose(directions[0], expected, rtol=0.0, atol=1e-15)
-
-
-def test_a_cap_fills_its_latitudes_of_the_panorama() -> None:
-    # A sphere of radius 1 at distance 2, straight down: asin(1/2) = 30 degrees from the pole, so a sixth of the rows.
-    picture = image(
-        """
-camera: {type: equirectangular, look_from: [0, 0, 0], look_at: [0, 0, -1]}
-objects:
-  - {type: sphere, center: [0, -2, 0], radius: 1, material: {type: emitter, radiance: 1}}
-""",
-        width=24,
-        height=12,
-        max_depth=1,
-        spp=16,
-    )
-    expected = np.repeat([0.0, 1.0], [10, 2])[:, None].repeat(24, axis=1)
-    np.testing.assert_array_equal(picture.radiance[..., 0], expected)
 
 
 # ---- Fisheye
@@ -623,7 +340,7 @@ RADII = {
 
 @pytest.mark.parametrize("fov", [60.0, 180.0])
 @pytest.mark.parametrize("projection", RADII)
-def test_angles_land_where_the_projection_says(projection: str, fov: float) -> None:
+def test_angles_land_where_the_projection_says(projection, fov):
     keys = {"type": "fisheye", "projection": projection, "fov": fov, "look_from": [0, 0, 0], "look_at": [0, 0, -1]}
     spec = camera(**keys)
     packed = spec.pack(400, 300)
@@ -645,51 +362,7 @@ def test_angles_land_where_the_projection_says(projection: str, fov: float) -> N
     assert spec.describe(400, 300)["pixel_at_middle_deg"] == pytest.approx(angle, rel=1e-4)
 
 
-def solid_angles(projection: str, fov: float) -> Any:
-    """Solid angle of each pixel that lies in the circle, (n,), relative to that of one in the middle."""
-    packed = camera(type="fisheye", projection=projection, fov=fov).pack(64, 64)
-    edges = np.arange(65.0)
-    x, y = (grid.ravel() for grid in np.meshgrid(edges, edges))
-    _, corners, weights = weighted_rays(packed, x, y)
-    corners, inside = corners.reshape(65, 65, 3), (weights > 0.0).reshape(65, 65)
-    whole = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
-    diagonals = np.cross(corners[1:, 1:] - corners[:-1, :-1], corners[1:, :-1] - corners[:-1, 1:])
-    area = 0.5 * np.linalg.norm(diagonals, axis=-1)
-    return area[whole] / area[32, 32]
-
-
-def test_an_equisolid_pixel_is_the_same_solid_angle_everywhere() -> None:
-    # Flat quadrilaterals in place of those on the sphere: 1 % at most, and the projection's shear as much.
-    areas = solid_angles("equisolid", 180.0)
-    assert len(areas) > 2900
-    np.testing.assert_allclose(areas, 1.0, rtol=0.01)
-    # An equidistant pixel at the horizon is 2 / pi of one in the middle: sin(t) / t.
-    assert solid_angles("equidistant", 180.0).min() == pytest.approx(2.0 / math.pi, abs=0.02)
-
-
-def test_the_solid_angle_of_the_whole_circle() -> None:
-    # Uniform light of radiance 1 through the equisolid fisheye: the mean over the film is the circle's, pi / 4, and the
-    # solid angle of a half space, 2 pi, spread over its area: 8 sin^2(fov / 4) / R^2 a pixel, whatever the radius.
-    picture = image(
-        """
-camera: {type: fisheye, projection: equisolid, look_from: [0, 0, 0], look_at: [0, 0, -1]}
-environment: {type: constant, radiance: 1}
-objects:
-  - {type: disc, center: [0, 0, -1], normal: [0, 0, 1], radius: 1, material: {type: emitter, radiance: 0}}
-""",
-        width=40,
-        height=40,
-        max_depth=1,
-        spp=64,
-        sampler="sobol",
-    ).radiance[..., 0]
-    # The disc hides 45 degrees around the axis, 2 pi (1 - cos 45) of the 2 pi of the circle.
-    assert picture.sum() == pytest.approx(math.pi * 400.0 * math.cos(math.radians(45.0)), rel=2e-3)
-    # Outside the circle it is black, although the environment is not.
-    assert (picture[[0, 0, -1, -1], [0, -1, 0, -1]] == 0.0).all()
-
-
-def test_what_lies_outside_the_circle_is_not_traced() -> None:
+def test_what_lies_outside_the_circle_is_not_traced():
     scene = """
 camera: {{type: {}, look_from: [0, 0, 4], look_at: [0, 0, 0]}}
 environment: {{type: constant, radiance: 1}}
@@ -704,15 +377,26 @@ objects:
 
 
 @pytest.mark.parametrize(
-    ("projection", "fov", "message"),
-    [("stereographic", 360, "less than 360"), ("orthographic", 190, "at most 180"), ("equidistant", 361, "360")],
+    ("kind", "keys", "message"),
+    [
+        ("fisheye", {"projection": "stereographic", "fov": 360}, "less than 360"),
+        ("fisheye", {"projection": "orthographic", "fov": 190}, "at most 180"),
+        ("orthographic", {}, "give either height or width"),
+        ("orthographic", {"height": 1, "width": 1}, "give either height or width"),
+        ("thin_lens", {"focus_distance": math.inf, "defocus_angle": 1.0}, "aperture"),
+        ("thin_lens", {"defocus_angle": 1, "aperture": 10}, "give one of them"),
+        ("fisheye", {"fov": 361}, "360"),
+        ("pinhole", {"vfov": 180}, "less than 180"),
+        ("pinhole", {"vfov": 0}, "greater than 0"),
+        ("pinhole", {"vfov": -10}, "greater than 0"),
+    ],
 )
-def test_fields_that_a_fisheye_cannot_show(projection: str, fov: float, message: str) -> None:
+def test_what_a_camera_cannot_be_is_refused(kind, keys, message):
     with pytest.raises(ValidationError, match=message):
-        camera(type="fisheye", projection=projection, fov=fov)
+        camera(type=kind, **keys)
 
 
-def test_points_behind_are_nowhere_for_cameras_that_look_ahead() -> None:
+def test_points_behind_are_nowhere_for_cameras_that_look_ahead():
     for keys in ({"type": "pinhole"}, {"type": "orthographic", "height": 1}):
         found = projected(camera(**keys).pack(40, 30), [[0.1, 0.2, 3.0]])[0]
         assert np.isnan(found[:2]).all()

@@ -53,25 +53,25 @@ for name, camera in cameras.items():
 
 
 @pytest.fixture(scope="module")
-def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+def seen(tmp_path_factory):
     code = CODE.format(cameras=CAMERAS, scene=SCENE)
     return run_with_kind("cameras", "axonometric.py", code, tmp_path_factory.mktemp("axonometric"))
 
 
-def edges(seen: dict[str, np.ndarray], name: str) -> np.ndarray:
+def edges(seen, name):
     """Pictures (3, 2) of the unit edges along x, y and z, right and up (m), as `project` gives them."""
     ends = np.array([seen[f"{name} {axis}"] for axis in "xyz"])
     return (ends - seen[f"{name} origin"]) * np.array([1.0, -1.0]) * (SIZE / HEIGHT)
 
 
-def test_it_is_a_file_of_less_than_80_lines_that_imports_the_base_alone() -> None:
+def test_it_is_a_file_of_less_than_80_lines_that_imports_the_base_alone():
     assert code_lines("axonometric.py") < 80
     tree = ast.parse((EXAMPLES / "axonometric.py").read_text())
     modules = [node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module]
     assert not [name for name in modules if name.startswith("raytracer.plugins") and ".base." not in name]
 
 
-def test_isometric_edges_are_alike_and_120_degrees_apart(seen: dict[str, np.ndarray]) -> None:
+def test_isometric_edges_are_alike_and_120_degrees_apart(seen):
     drawn = edges(seen, "isometric")
     np.testing.assert_allclose(np.linalg.norm(drawn, axis=1), np.sqrt(2.0 / 3.0), rtol=1e-6)
     cosines = drawn @ drawn.T / (2.0 / 3.0)
@@ -82,9 +82,7 @@ def test_isometric_edges_are_alike_and_120_degrees_apart(seen: dict[str, np.ndar
 
 
 @pytest.mark.parametrize(("name", "size", "degrees"), [("cabinet", 0.5, 45.0), ("cavalier", 1.0, 150.0)])
-def test_oblique_edges_along_the_view_have_their_scale_and_angle(
-    seen: dict[str, np.ndarray], name: str, size: float, degrees: float
-) -> None:
+def test_oblique_edges_along_the_view_have_their_scale_and_angle(seen, name, size, degrees):
     drawn = edges(seen, name)
     np.testing.assert_allclose(drawn[:2], np.eye(2), atol=1e-6)
     # The edge along z comes towards the camera.
@@ -93,7 +91,7 @@ def test_oblique_edges_along_the_view_have_their_scale_and_angle(
 
 
 @pytest.mark.parametrize("name", ["isometric", "cabinet", "cavalier"])
-def test_points_land_where_the_formula_says(seen: dict[str, np.ndarray], name: str) -> None:
+def test_points_land_where_the_formula_says(seen, name):
     position = seen[f"{name} position"].reshape(HEIGHT, WIDTH, -1)[..., :3]
     hit = np.isfinite(position).all(axis=-1) & (np.abs(position).max(axis=-1) > 0.5)
     assert 100 < hit.sum() < HEIGHT * WIDTH
@@ -105,7 +103,14 @@ def test_points_land_where_the_formula_says(seen: dict[str, np.ndarray], name: s
         assert inside.all()
 
 
-def test_the_rest_of_the_program_knows_it(seen: dict[str, np.ndarray]) -> None:
+def test_the_rest_of_the_program_knows_it(seen):
+    # Smoke around the camera, which nothing ends, hides the environment.
+    assert seen["isometric radiance"].any()
+    assert not seen["moving radiance"].any()
+    # In the middle of the exposure it stands 1/16 m further along x, which is 1 / sqrt(2) to the right and 1 / sqrt(6)
+    # downwards.
+    way = np.array([-1.0 / np.sqrt(2.0), -1.0 / np.sqrt(6.0)]) / 16.0 * (HEIGHT / SIZE)
+    np.testing.assert_allclose(seen["moving origin"] - seen["isometric origin"], way, atol=1e-6)
     effects = set(seen["effects"].tolist())
     assert "projection" in effects
     assert not {"defocus", "real_lens", "flare", "vignetting", "light_field"} & effects

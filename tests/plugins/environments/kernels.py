@@ -1,70 +1,35 @@
-"""Compiled loops over environments."""
+"""Functions of environments, for rows of directions and numbers."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import entry
 from raytracer.plugins.environments.base.interface import background, background_with_pdf, sample_background
+from tests.vectorised import rows, vectorised
 
 
 class Drawn(NamedTuple):
-    """Draw by `sample_background`: direction and radiance (n, 3), pdf (n,)."""
+    """Drawn by `sample_background`: direction and radiance (n, 3), pdf (n,)."""
 
-    direction: NDArray[np.float64]
-    radiance: NDArray[np.float64]
-    pdf: NDArray[np.float64]
-
-
-@entry
-def _background(environment, directions, out):
-    for index in range(len(directions)):
-        radiance = background(environment, (directions[index, 0], directions[index, 1], directions[index, 2]))
-        for channel in range(3):
-            out[index, channel] = radiance[channel]
+    direction: Any
+    radiance: Any
+    pdf: Any
 
 
-@entry
-def _sample(environment, numbers, out):
-    for index in range(len(numbers)):
-        direction, radiance, pdf = sample_background(environment, numbers[index, 0], numbers[index, 1])
-        out.pdf[index] = pdf
-        for axis in range(3):
-            out.direction[index, axis] = direction[axis]
-            out.radiance[index, axis] = radiance[axis]
+def _rows(vectors):
+    return rows(np.atleast_2d(np.asarray(vectors, np.float64)))
 
 
-@entry
-def _pdf(environment, directions, pdf):
-    for index in range(len(directions)):
-        direction = (directions[index, 0], directions[index, 1], directions[index, 2])
-        _, pdf[index] = background_with_pdf(environment, direction)
-
-
-def _rows(directions: Any) -> NDArray[np.float64]:
-    return np.ascontiguousarray(np.atleast_2d(np.asarray(directions, np.float64)))
-
-
-def seen(environment: Any, directions: Any) -> NDArray[np.float64]:
+def seen(environment, directions):
     """`background` along unit directions (n, 3)."""
-    rows = _rows(directions)
-    out = np.empty_like(rows)
-    _background(environment, rows, out)
-    return out
+    return vectorised(background)(environment, _rows(directions))
 
 
-def drawn(environment: Any, numbers: Any) -> Drawn:
+def drawn(environment, numbers):
     """`sample_background` for numbers (n, 2)."""
-    rows = _rows(numbers)
-    out = Drawn(np.empty((len(rows), 3)), np.empty((len(rows), 3)), np.empty(len(rows)))
-    _sample(environment, rows, out)
-    return out
+    return Drawn(*vectorised(sample_background)(environment, *map(rows, np.asarray(numbers, np.float64).T)))
 
 
-def density(environment: Any, directions: Any) -> NDArray[np.float64]:
+def density(environment, directions):
     """The density of `background_with_pdf` of unit directions (n, 3)."""
-    rows = _rows(directions)
-    pdf = np.empty(len(rows))
-    _pdf(environment, rows, pdf)
-    return pdf
+    return vectorised(background_with_pdf)(environment, _rows(directions))[1]

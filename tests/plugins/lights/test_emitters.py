@@ -2,24 +2,22 @@
 
 import math
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from raytracer.core.geometry import Exact
 from raytracer.core.sampling.alias import AliasTable
 from raytracer.plugins.lights.base.light_choice import count_lights, light_probability
 from raytracer.plugins.lights.emitters import ABSENT
 from raytracer.scene.pack.scene import pack
 from tests.plugins.lights.kernels import aim, pdf_of
 from tests.plugins.shapes.kernels import built, cast
-from tests.small_scenes import image, mean, scene
+from tests.small_scenes import scene
 
 CAMERA = "camera: {type: pinhole, look_from: [0, 0, 9], look_at: [0, 0, 0], vfov: 40}\n"
 
 
-def packed(objects: str, **settings: object):
+def packed(objects, **settings):
     return pack(scene(CAMERA + "objects:\n" + objects, filled=False, **settings)).scene
 
 
@@ -60,7 +58,7 @@ def probabilities(scene_, point):
     }
 
 
-def test_emitters_are_chosen_by_power_from_far_away() -> None:
+def test_emitters_are_chosen_by_power_from_far_away():
     scene_ = packed(LAMPS)
     (lights,) = scene_.lights.tables
     assert count_lights(lights.choice) == 4
@@ -69,26 +67,23 @@ def test_emitters_are_chosen_by_power_from_far_away() -> None:
     assert chosen == {row: pytest.approx(power / total, rel=1e-6) for row, power in POWERS.items()}
     # By primitive: no row for what does not emit.
     assert np.count_nonzero(lights.row != ABSENT) == 4
-    for field in (lights.table, lights.primitive, lights.material, lights.first, lights.row):
-        assert field.dtype == np.int32
-        assert field.flags.c_contiguous
 
 
-def test_emitters_near_by_are_chosen_more_often() -> None:
+def test_emitters_near_by_are_chosen_more_often():
     # Over the lone quad at x = 4, which has the least power.
     chosen = probabilities(packed(LAMPS), (4.5, 2.9, -0.5))
     assert max(chosen, key=chosen.__getitem__) == ("Parallelograms", 2)
     assert sum(chosen.values()) == pytest.approx(1.0, rel=1e-12)
 
 
-def test_emitters_that_move_are_chosen_by_power() -> None:
+def test_emitters_that_move_are_chosen_by_power():
     moving = LAMPS.replace("radius: 0.5,", "radius: 0.5, motion: {velocity: [1, 0, 0]},")
     text = CAMERA.replace("vfov: 40", "vfov: 40, shutter: 1") + "objects:\n" + moving
     (lights,) = pack(scene(text, filled=False)).scene.lights.tables
     assert isinstance(lights.choice, AliasTable)
 
 
-def test_samples_fall_on_the_lights_as_often_as_they_are_chosen() -> None:
+def test_samples_fall_on_the_lights_as_often_as_they_are_chosen():
     scene_ = packed(LAMPS)
     count = 40_000
     point = (0.3, -0.9, 0.2)
@@ -113,7 +108,7 @@ def test_samples_fall_on_the_lights_as_often_as_they_are_chosen() -> None:
         assert result[row] == pytest.approx(expected, abs=5.0 * math.sqrt(expected) + 1e-3 * count)
 
 
-def test_density_of_a_sample_is_that_of_the_hit_it_aims_at() -> None:
+def test_density_of_a_sample_is_that_of_the_hit_it_aims_at():
     # Where both ways of finding a light give the same density, MIS weights sum to 1.
     scene_ = packed(LAMPS)
     point = (0.3, -0.9, 0.2)
@@ -125,7 +120,7 @@ def test_density_of_a_sample_is_that_of_the_hit_it_aims_at() -> None:
     np.testing.assert_allclose(twin, pdf[same], rtol=1e-5)
 
 
-def test_samples_of_instances_bring_the_light_of_all_of_them() -> None:
+def test_samples_of_instances_bring_the_light_of_all_of_them():
     scene_ = packed(
         """
   - {type: instance, of: lamp, placements: [[{translate: [0, 2, 0]}], [{translate: [2, 0, 0]}]]}
@@ -138,7 +133,7 @@ groups: {lamp: [{type: sphere, center: [0, 0, 0], radius: 0.5, material: {type: 
     np.testing.assert_allclose(weight, 2.0 * 3.0 * 2.0 * math.pi * (1.0 - math.sqrt(1.0 - 0.25**2)), rtol=1e-6)
 
 
-def test_density_of_what_does_not_emit_is_zero() -> None:
+def test_density_of_what_does_not_emit_is_zero():
     scene_ = packed(LAMPS)
     names = [type(table).__name__ for table in scene_.primitives]
     table = np.array([names.index("Spheres"), names.index("Parallelograms")])
@@ -148,7 +143,7 @@ def test_density_of_what_does_not_emit_is_zero() -> None:
     assert (pdf == 0.0).all()
 
 
-def test_there_are_no_lights_to_choose_where_none_would_be_seen() -> None:
+def test_there_are_no_lights_to_choose_where_none_would_be_seen():
     lamp = "  - {type: sphere, center: [0, 2, 0], radius: 0.5, material: {type: emitter, radiance: 3}}\n"
     matte = "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.5}}\n"
     black = "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0}}\n"
@@ -162,7 +157,7 @@ def test_there_are_no_lights_to_choose_where_none_would_be_seen() -> None:
     assert packed(lamp + matte, max_depth=1).lights is None
 
 
-def test_reflected_light_of_a_single_emitter_draws_no_choice() -> None:
+def test_reflected_light_of_a_single_emitter_draws_no_choice():
     # One emitter: probability 1, whatever its power.
     scene_ = packed(
         "  - {type: quad, corner: [0, 2, 0], edges: [[1, 0, 0], [0, 0, 1]], material: {type: emitter, radiance: 7}}\n"
@@ -174,10 +169,9 @@ def test_reflected_light_of_a_single_emitter_draws_no_choice() -> None:
     # Density of a square metre seen from 2 m below: d^3 / (2 A).
     distance = np.linalg.norm(target - [0.5, 0.0, 0.5], axis=1)
     np.testing.assert_allclose(pdf, distance**3 / 2.0, rtol=1e-12)
-    assert Exact() == ()
 
 
-def warped_grid(cells: int) -> str:
+def warped_grid(cells):
     """The square [-1, 1]^2 at y = 3, facing down, as an OBJ mesh of 2 cells^2 triangles of very different sizes."""
     edges = np.linspace(-1.0, 1.0, cells + 1)
     edges = np.sign(edges) * np.abs(edges) ** 3
@@ -190,24 +184,21 @@ def warped_grid(cells: int) -> str:
     return "\n".join(lines)
 
 
-FLOOR = """
-camera: {type: pinhole, look_from: [0, 2, 0], look_at: [0, 0, 0], up: [0, 0, 1], vfov: 20}
-objects:
-  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 9, material: {type: lambertian, albedo: 1}}
-"""
-
-
-def test_many_triangles_light_as_the_quad_that_they_make(tmp_path: Path) -> None:
+def test_many_triangles_light_as_the_quad_that_they_make(tmp_path):
     (tmp_path / "grid.obj").write_text(warped_grid(100))
     lamp = "material: {type: emitter, radiance: [1, 2, 3]}}\n"
-    mesh = FLOOR + "  - {type: mesh, file: grid.obj, " + lamp
-    quad = FLOOR + "  - {type: quad, corner: [-1, 3, -1], edges: [[2, 0, 0], [0, 0, 2]], " + lamp
-    (lights,) = pack(scene(mesh, base=tmp_path, filled=False)).scene.lights.tables
+    floor = "  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 9, material: {type: lambertian}}\n"
+    mesh = packed(floor + "  - {type: mesh, file: grid.obj, " + lamp, base=tmp_path)
+    quad = packed(floor + "  - {type: quad, corner: [-1, 3, -1], edges: [[2, 0, 0], [0, 0, 2]], " + lamp)
+    (lights,) = mesh.lights.tables
     assert len(lights.table) == 20_000
     powers = lights.choice.nodes[len(lights.choice.row) :, 4]
     assert powers.max() > 1e4 * powers[powers > 0.0].min()
     (value, deviation), (other, other_deviation) = (
-        mean(image(text, base=tmp_path, spp=256, max_depth=2, seed=seed)) for seed, text in enumerate((mesh, quad), 1)
+        (irradiance.mean(axis=0), irradiance.std(axis=0) / math.sqrt(len(irradiance)))
+        for each in (mesh, quad)
+        for light in [aim(each.lights, each, (0.2, 0.0, -0.1), 40_000)]
+        for irradiance in [light.weight * light.direction[:, 1:2]]
     )
     np.testing.assert_array_less(np.abs(value - other), 4.0 * np.hypot(deviation, other_deviation))
     assert (deviation < 0.005 * value).all()

@@ -1,7 +1,6 @@
 """Flashes: their energy, the moment at which they shine, and what a shutter lets through of them."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from raytracer.rendering.render import render
 from raytracer.scene.pack.scene import pack
 from raytracer.schema.registry import LIGHTS
 from raytracer.util.errors import SceneError
-from tests.plugins.lights.kernels import arriving_at_times
+from tests.plugins.lights.kernels import aim
 from tests.small_scenes import scene
 
 Array = NDArray[np.float64]
@@ -25,11 +24,11 @@ PLACE = (1.0, 2.0, 3.0)
 RAMPED = Timing(2.0, 2.7, ((0.0, 0.0), (0.2, 1.0), (0.5, 1.0), (0.7, 0.0)))
 
 
-def flash(**keys: Any) -> Any:
+def flash(**keys):
     return FLASH.model_validate({"type": "flash", "energy": [3.0, 2.0, 0.0], **keys})
 
 
-def table(timing: Timing, timed: bool, **keys: Any) -> Flashes:
+def table(timing, timed, **keys):
     result = FLASH.pack([flash(**keys).at_exposure(timing, PLACE, timed)])
     assert isinstance(result, Flashes)
     return result
@@ -51,7 +50,7 @@ def table(timing: Timing, timed: bool, **keys: Any) -> Flashes:
         (RAMPED._replace(readout=0.1), {"duration": "1 ms", "offset": "-5 ms"}, 2.295, 2.296),
     ],
 )
-def test_a_flash_shines_when_its_curtain_says(timing: Timing, keys: dict[str, Any], begin: float, end: float) -> None:
+def test_a_flash_shines_when_its_curtain_says(timing, keys, begin, end):
     assert flash(**keys).pulse(timing) == pytest.approx((begin, end), rel=1e-14)
     packed = table(timing, True, **keys).pulse
     span = timing.span()
@@ -61,7 +60,7 @@ def test_a_flash_shines_when_its_curtain_says(timing: Timing, keys: dict[str, An
 
 @pytest.mark.parametrize("timed", [False, True])
 @pytest.mark.parametrize("duration", ["1/10000 s", "1/20000 s", "0.1 s"])
-def test_energy_is_intensity_by_time(timed: bool, duration: str) -> None:
+def test_energy_is_intensity_by_time(timed, duration):
     # Over its pulse, or as a mean over the exposure of 0.5 s.
     for timing in (Timing(2.0, 2.5), RAMPED):
         result = table(timing, timed, duration=duration)
@@ -72,7 +71,7 @@ def test_energy_is_intensity_by_time(timed: bool, duration: str) -> None:
         np.testing.assert_allclose(result.intensity * seconds, [[3.0, 2.0, 0.0]], rtol=1e-11)
 
 
-def test_the_shutter_cuts_off_what_shines_while_it_is_not_fully_open() -> None:
+def test_the_shutter_cuts_off_what_shines_while_it_is_not_fully_open():
     # From 0.1 s before the ramp's end on, for 0.1 s: transmission 0.5 to 1, so three quarters.
     result = table(RAMPED, False, duration="0.1 s", offset="-0.1 s")
     np.testing.assert_allclose(result.intensity * 0.5, [[2.25, 1.5, 0.0]], rtol=1e-12)
@@ -81,7 +80,7 @@ def test_the_shutter_cuts_off_what_shines_while_it_is_not_fully_open() -> None:
     np.testing.assert_allclose(result.intensity * 0.5, [[1.5, 1.0, 0.0]], rtol=1e-12)
 
 
-def test_a_flash_is_at_the_camera_unless_placed() -> None:
+def test_a_flash_is_at_the_camera_unless_placed():
     np.testing.assert_array_equal(table(RAMPED, False).position, [PLACE])
     np.testing.assert_array_equal(table(RAMPED, False, position=[4, 5, 6]).position, [[4, 5, 6]])
     text = """
@@ -93,13 +92,13 @@ objects: [{type: sphere, center: [0, 0, 0], radius: 1, material: {type: lamberti
     np.testing.assert_allclose(result.position, [[1.5, 0, 5]], rtol=1e-15)
 
 
-def test_of_many_flashes_those_are_chosen_that_shine() -> None:
+def test_of_many_flashes_those_are_chosen_that_shine():
     """A stroboscope of ten, each for a tenth of the time but the last, which overlaps the first: no sample is lost."""
     strobe = [flash(position=[0, 2, 0], energy=4.0 * (n + 1), duration="0.1 s", offset=n / 10) for n in range(10)]
     strobe.append(flash(position=[0, 2, 0], energy=[0.0, 400.0, 0.0], duration="0.1 s"))
     result = FLASH.pack([light.at_exposure(Timing(0.0, 1.25), PLACE, True) for light in strobe])
     times = np.random.default_rng(0).uniform(0, 1.25, 200_000)
-    weight = arriving_at_times(Lights((result,), None), (0.0, 0.0, 0.0), times)
+    weight = aim(Lights((result,), None), None, (0.0, 0.0, 0.0), len(times), times=times).weight
     number = np.floor(12.5 * times).astype(int)
     for n in range(1, 10):
         # Energy over time and distance squared, without noise.
@@ -115,7 +114,7 @@ CAMERA = "camera: {type: orthographic, look_from: [0, 0, 5], look_at: [0, 0, 0],
 PLATE = "  - {type: quad, corner: [-1.5, -1.5, 0], edges: [[3, 0, 0], [0, 3, 0]], material: MATERIALMOTION}\n"
 
 
-def text_of(shutter: str, lights: str, motion: str = "", material: str = "{type: lambertian, albedo: 1}") -> str:
+def text_of(shutter, lights, motion="", material="{type: lambertian, albedo: 1}"):
     plate = PLATE.replace("MATERIAL", material).replace("MOTION", f", motion: {motion}" if motion else "")
     return f"{CAMERA.replace('SHUTTER', shutter)}lights: [{lights}]\nobjects:\n{plate}"
 
@@ -135,7 +134,7 @@ ON = "{type: flash, energy: 1, duration: 1 ms}"
         ("shutter: 1", ON, "{velocity: [0, 0, 0]}", False),
     ],
 )
-def test_paths_have_a_time_only_where_the_flash_needs_it(shutter: str, lights: str, motion: str, timed: bool) -> None:
+def test_paths_have_a_time_only_where_the_flash_needs_it(shutter, lights, motion, timed):
     result = pack(scene(text_of(shutter, lights, motion), filled=False)).scene
     assert (result.shutter is not None) == timed
     if timed:
@@ -145,22 +144,22 @@ def test_paths_have_a_time_only_where_the_flash_needs_it(shutter: str, lights: s
         assert result.lights is None or result.lights.tables[0].pulse is None
 
 
-def test_what_no_surface_is_lit_by_is_left_out() -> None:
-    mirror = pack(scene(text_of("shutter: 1", ON, "{velocity: [1, 0, 0]}", "{type: metal, fuzz: 0}"), filled=False))
-    assert mirror.scene.lights is None
-    assert mirror.scene.shutter.pulses is None
-
-
-def test_a_flash_needs_an_exposure() -> None:
+def test_a_flash_needs_an_exposure():
     with pytest.raises(SceneError, match=r"lights\[0\]: a flash needs a shutter that is open for some time"):
         pack(scene(text_of("time: 1", ON), filled=False))
 
 
-def test_flashes_are_explained() -> None:
+def test_what_no_surface_is_lit_by_is_left_out():
+    mirror = text_of("shutter: 1", ON, "{velocity: [1, 0, 0]}", "{type: metal, fuzz: 0}")
+    result = pack(scene(mirror, filled=False)).scene
+    assert result.lights is None
+    assert result.shutter.pulses is None
+
+
+def test_flashes_are_explained():
     effects = explain(scene(text_of("shutter: {duration: 1, readout: 0.1}", ON), filled=False)).effects
-    assert effects["light.flash"].active
-    assert effects["rolling_shutter"].active
-    assert not effects["motion_blur"].active
+    active = {name: effects[name].active for name in ("light.flash", "rolling_shutter", "motion_blur")}
+    assert active == {"light.flash": True, "rolling_shutter": True, "motion_blur": False}
     assert effects["light_sampling"].why == "next-event estimation samples 1 flash light"
 
 
@@ -171,12 +170,12 @@ FAR = "position: [0, 0, 40]"
 WHITE = 3.0 / 40.0**2 / math.pi
 
 
-def picture(text: str, *, spp: int = 64) -> Array:
+def picture(text, *, spp=64):
     spec = scene(text, filled=False, width=32, height=32, spp=spp, max_depth=2, sampler="sobol")
     return np.asarray(render(spec, threads=2).image.radiance)
 
 
-def test_flashes_freeze_what_moves_at_either_end() -> None:
+def test_flashes_freeze_what_moves_at_either_end():
     """A plate that goes 1.5 m, 12 pixels, in 2 s: red by the first curtain, green by the second, each 1/10000 s."""
     lights = ", ".join(
         f"{{type: flash, {FAR}, energy: {energy}, duration: 1/10000 s, curtain: {curtain}}}"
@@ -196,7 +195,7 @@ def test_flashes_freeze_what_moves_at_either_end() -> None:
 
 
 @pytest.mark.slow
-def test_a_flash_alone_lights_what_rests_as_a_lamp_of_the_same_energy() -> None:
+def test_a_flash_alone_lights_what_rests_as_a_lamp_of_the_same_energy():
     """In all shutters; the same kernel, in which nothing has a time."""
     for shutter in ("shutter: 0.5", "shutter: {duration: 0.5, opening: trapezoid, ramp: 0.25}"):
         result = picture(text_of(shutter, f"{{type: flash, {FAR}, energy: 3}}"), spp=16)
@@ -204,7 +203,7 @@ def test_a_flash_alone_lights_what_rests_as_a_lamp_of_the_same_energy() -> None:
 
 
 @pytest.mark.slow
-def test_a_slit_that_is_narrower_than_the_film_shows_the_flash_as_a_band() -> None:
+def test_a_slit_that_is_narrower_than_the_film_shows_the_flash_as_a_band():
     """1/20 s of a readout of 1/5 s, a flash at 1/10 s: the quarter of lines that opened in the 1/20 s before."""
     shutter = "shutter: {duration: 0.05, readout: 0.2, curtain: focal_plane, direction: DIRECTION}"
     for direction, rows in (("down", slice(8, 16)), ("up", slice(16, 24))):
@@ -219,7 +218,7 @@ def test_a_slit_that_is_narrower_than_the_film_shows_the_flash_as_a_band() -> No
     np.testing.assert_allclose(result[8:24, 8:24], WHITE / 0.25, rtol=2e-2)
 
 
-def test_a_flash_outlasts_the_shortest_of_shutters() -> None:
+def test_a_flash_outlasts_the_shortest_of_shutters():
     # It shines all the time that the shutter is open, with its energy over its own duration; in float32 fractions of
     # the shutter's time it would end beyond all numbers.
     flash = FlashLight(position=(0.0, 0.0, 0.0), energy=(2.0, 2.0, 2.0), duration=1e-4)

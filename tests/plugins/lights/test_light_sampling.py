@@ -5,15 +5,11 @@ References: Veach 1997, thesis, sec. 9.2 and fig. 9.2, where plates from smooth 
 
 import itertools
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.analysis.explain import explain
-from raytracer.film.image import Image
 from raytracer.plugins.lights.base.interface import (
     Lights,
     LightSamplingOnly,
@@ -24,7 +20,6 @@ from raytracer.plugins.lights.base.interface import (
 from raytracer.rendering.render import render
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack
-from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import SceneError
 from tests.plugins.lights.kernels import escaped, table_of
 from tests.repository import REFERENCES
@@ -37,13 +32,13 @@ render: {spp: 64, max_depth: 4, rr_depth: 1000, sampler: independent}
 """
 
 
-def spec_of(text: str, mode: str, base: Path | None = None, **settings: Any) -> SceneSpec:
+def spec_of(text, mode, base=None, **settings):
     """A scene by this setting; others of its `film` and `render`, such as render__spp."""
     overrides = {key.replace("__", "."): value for key, value in settings.items()}
     return build(HEAD + text, "test.yaml", {"render.light_sampling": mode, **overrides}, base=base)
 
 
-def pictures(text: str, modes: tuple[str, ...] = MODES, base: Path | None = None, **settings: Any) -> dict[str, Image]:
+def pictures(text, modes=MODES, base=None, **settings):
     """The same scene by each of the settings, from random numbers of their own."""
     measured = {}
     for seed, mode in enumerate(modes):
@@ -53,16 +48,15 @@ def pictures(text: str, modes: tuple[str, ...] = MODES, base: Path | None = None
     return measured
 
 
-def mean(picture: Image) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def mean(picture):
     """Means (12,) of the quarters of a picture by channel, and their variances (12,)."""
-    assert picture.variance is not None
     height, width, _ = picture.radiance.shape
     quarters = (2, height // 2, 2, width // 2, 3)
     value = picture.radiance.reshape(quarters).mean(axis=(1, 3))
     return value.ravel(), picture.variance.reshape(quarters).sum(axis=(1, 3)).ravel() / (height * width / 4) ** 2
 
 
-def assert_one_mean(measured: dict[str, Image], *, noise: float) -> None:
+def assert_one_mean(measured, *, noise):
     """All pictures have the same mean within their noise, which is at most this part of it, in each quarter."""
     for one, other in itertools.combinations(measured, 2):
         (a, variance_a), (b, variance_b) = mean(measured[one]), mean(measured[other])
@@ -76,7 +70,7 @@ def assert_one_mean(measured: dict[str, Image], *, noise: float) -> None:
 
 
 @pytest.mark.parametrize("heuristic", [None, LightSamplingOnly()])
-def test_light_that_both_ways_find_counts_once(heuristic: Any) -> None:
+def test_light_that_both_ways_find_counts_once(heuristic):
     for by_light, by_path in ((2.0, 3.0), (1e-300, 1e300), (5.0, 1e-9)):
         aimed, measured = (
             mis_weight_light_sample(heuristic, by_light, by_path),
@@ -97,7 +91,7 @@ def test_light_that_both_ways_find_counts_once(heuristic: Any) -> None:
     assert mis_weight_light_sample(heuristic, 2.0, 0.0) == 1.0
 
 
-def test_rays_see_a_disc_by_how_light_is_sampled() -> None:
+def test_rays_see_a_disc_by_how_light_is_sampled():
     suns = table_of("sun", {"direction": [0.0, -1.0, 0.0], "irradiance": [1.0, 2.0, 0.0], "angle": 2.0})
     up, bright = np.array([[0.0, 1.0, 0.0]]), 1.0 / (math.pi * math.sin(math.radians(1.0)) ** 2)
     whole = [[bright, 2.0 * bright, 0.0]]
@@ -119,7 +113,7 @@ EXPOSED = CAMERA.replace("vfov", "shutter: 1, vfov")
 FLASHED = EXPOSED + "lights: [{type: flash, energy: 2, duration: 1/100 s}]\n"
 
 
-def test_the_setting_is_part_of_the_type() -> None:
+def test_the_setting_is_part_of_the_type():
     text = CAMERA + SUN + "environment: {type: sky}\nobjects:\n" + FLOOR + LAMP
     packed = {mode: pack(spec_of(text, mode)).scene for mode in MODES}
     assert packed["mis"].lights.heuristic is None
@@ -133,13 +127,15 @@ def test_the_setting_is_part_of_the_type() -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_where_nothing_can_be_lit_nothing_is_aimed_at(mode: str) -> None:
-    mirror = "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal, fuzz: 0}}\n"
-    measured = pack(spec_of(CAMERA + SUN + "objects:\n" + mirror, mode))
-    assert isinstance(measured.scene.lights, NoLightSampling)
+def test_where_nothing_can_be_lit_nothing_is_aimed_at(mode):
+    mirror = "objects:\n  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal, fuzz: 0}}\n"
+    assert isinstance(pack(spec_of(CAMERA + SUN + mirror, mode)).scene.lights, NoLightSampling)
     # And lights that make no difference there are no reason to refuse the scene.
-    for lights in (SPOTLIT, PARALLEL):
-        assert pack(spec_of(CAMERA + lights + "objects:\n" + mirror, mode)).scene.lights is None
+    for lights in (SPOTLIT, PARALLEL, "environment: {type: sky}\n"):
+        assert pack(spec_of(CAMERA + lights + mirror, mode)).scene.lights is None
+    for lights, depth in (("{type: gradient}", 4), ("{type: sky}", 1)):
+        text = f"{CAMERA}environment: {lights}\nobjects:\n{FLOOR}"
+        assert pack(spec_of(text, mode, render__max_depth=depth)).scene.lights is None
 
 
 @pytest.mark.parametrize(
@@ -151,7 +147,7 @@ def test_where_nothing_can_be_lit_nothing_is_aimed_at(mode: str) -> None:
         (CAMERA + "lights: [{type: point, position: [0, 2, 0], intensity: 1}]\n", "point"),
     ],
 )
-def test_paths_that_would_miss_a_light_are_refused(text: str, kind: str) -> None:
+def test_paths_that_would_miss_a_light_are_refused(text, kind):
     with pytest.raises(SceneError, match=rf"render\.light_sampling: paths never find a {kind} light without extent"):
         pack(spec_of(text + "objects:\n" + FLOOR, "paths"))
     for mode in ("mis", "lights"):
@@ -161,7 +157,7 @@ def test_paths_that_would_miss_a_light_are_refused(text: str, kind: str) -> None
     assert pack(spec_of(off + "objects:\n" + FLOOR, "paths")).scene.lights is None
 
 
-def test_explanation_says_how_light_is_found() -> None:
+def test_explanation_says_how_light_is_found():
     text = CAMERA + "environment: {type: sky, sun: true}\nobjects:\n" + FLOOR + LAMP
     effects = {mode: explain(spec_of(text, mode)).effects for mode in MODES}
     assert {mode: active["light_sampling"].active for mode, active in effects.items()} == {
@@ -197,13 +193,12 @@ objects:
 
 
 @pytest.mark.slow
-def test_plates_and_lights() -> None:
+def test_plates_and_lights():
     """Veach's picture: each way is bad where the other is good, and both together are never worse than the better."""
     size = {"film__width": 48, "film__height": 8, "render__max_depth": 2, "render__spp": 256}
-    variance: dict[str, list[NDArray[np.float64]]] = {mode: [] for mode in MODES}
+    variance = {mode: [] for mode in MODES}
     for roughness in ROUGHNESS:
         for mode, picture in pictures(PLATE.format(roughness=roughness) + SPHERES, **size).items():
-            assert picture.variance is not None
             variance[mode].append(picture.variance.mean(axis=(0, 1)))
     mis, lights, paths = (np.array(variance[mode]) for mode in MODES)
 
@@ -326,7 +321,7 @@ SCENES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
-def test_all_ways_have_one_mean(tmp_path: Path, name: str) -> None:
+def test_all_ways_have_one_mean(tmp_path, name):
     sky = np.random.default_rng(2).random((6, 12, 3)) ** 3
     sky[1, 3] = 10.0
     np.save(tmp_path / "map.npy", sky)
@@ -335,7 +330,7 @@ def test_all_ways_have_one_mean(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.slow
-def test_lights_that_paths_never_find_are_aimed_at_by_the_other_ways() -> None:
+def test_lights_that_paths_never_find_are_aimed_at_by_the_other_ways():
     text = (
         EXPOSED.replace("vfov", "motion: {velocity: [0.2, 0, 0]}, vfov")
         + """
@@ -353,7 +348,7 @@ objects:
 
 
 @pytest.mark.slow
-def test_glowing_glass_does_not_light_itself_from_nowhere() -> None:
+def test_glowing_glass_does_not_light_itself_from_nowhere():
     # Points on a sphere, from which it is aimed at itself: through its inside to the far wall, and not where they are.
     text = """
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 25}

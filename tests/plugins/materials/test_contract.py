@@ -1,15 +1,10 @@
 """Contract of materials, tested for every kind that there is."""
 
-from collections.abc import Iterator
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.core.microfacet import CellBlend
-from raytracer.core.vec import Vec3
-from raytracer.plugins.materials.base.interface import MaterialSpec, SelectorSpec, row
+from raytracer.plugins.materials.base.interface import SelectorSpec, row
 from raytracer.plugins.textures.base.interface import ParameterPacker
 from raytracer.schema.registry import MATERIALS
 from tests.plugins.materials.kernels import (
@@ -24,7 +19,7 @@ from tests.plugins.materials.kernels import (
 )
 from tests.statistics import chi2_counts
 
-EXAMPLES: dict[str, list[dict[str, Any]]] = {
+EXAMPLES = {
     "boundary": [{}],
     "cutout": [{"material": {"type": "lambertian"}, "opacity": 0.5}],
     "dielectric": [{"ior": 1.5}, {"ior": 1.33, "outside_ior": 1.5}, {"ior": 1.0}],
@@ -76,7 +71,7 @@ ANGLES = (0.0, 30.0, 75.0, 89.9)
 SIGNIFICANCE = 1e-4
 
 
-def spec_of(kind: str, parameters: dict[str, Any]) -> MaterialSpec:
+def spec_of(kind, parameters):
     return MATERIALS.specs()[kind].model_validate({"type": kind, **parameters})
 
 
@@ -96,19 +91,19 @@ every_other_material = pytest.mark.parametrize(
 every_angle = pytest.mark.parametrize("degrees", ANGLES)
 
 
-def test_every_kind_has_an_example() -> None:
+def test_every_kind_has_an_example():
     assert set(EXAMPLES) == set(MATERIALS.specs())
 
 
 @every_material
-def test_tables_are_contiguous_float64(spec: MaterialSpec) -> None:
+def test_tables_are_contiguous_float64(spec):
     table = type(spec).pack([spec, spec, spec], ParameterPacker())
     for column in columns(table):
         assert column.flags.c_contiguous
         assert column.dtype in (np.dtype(np.float64), np.dtype(np.int32), np.dtype(np.bool_))
 
 
-def columns(table: Any) -> Iterator[NDArray[Any]]:
+def columns(table):
     """The arrays of a packed table and of the tables in it."""
     for column in table:
         if isinstance(column, tuple):
@@ -119,7 +114,7 @@ def columns(table: Any) -> Iterator[NDArray[Any]]:
 
 @every_material
 @every_angle
-def test_directions_are_unit_vectors_and_weights_keep_energy(spec: MaterialSpec, degrees: float) -> None:
+def test_directions_are_unit_vectors_and_weights_keep_energy(spec, degrees):
     for front in (True, False):
         outgoing, weight, pdf = scatter_many(spec, incoming(degrees), 4096, front=front)
         np.testing.assert_allclose(np.linalg.norm(outgoing, axis=1), 1.0, rtol=0.0, atol=1e-12)
@@ -129,7 +124,7 @@ def test_directions_are_unit_vectors_and_weights_keep_energy(spec: MaterialSpec,
         assert (pdf > 0.0).all()
 
 
-def cells(axis: NDArray[np.float64], lowest: float, rows: int, columns: int, fine: int) -> NDArray[np.float64]:
+def cells(axis, lowest, rows, columns, fine):
     """Quadrature over directions within arccos(lowest) of `axis`: points and weights, (rows, columns, fine^2, 4).
 
     The cosine runs as lowest + (1 - lowest) s^2, so that a pdf with a pole of 1 / sqrt at `lowest` is smooth in s; over
@@ -160,14 +155,14 @@ def cells(axis: NDArray[np.float64], lowest: float, rows: int, columns: int, fin
     return np.concatenate([points, (area_s * area_phi)[..., None]], axis=-1).reshape(rows, columns, fine * fine, 4)
 
 
-def place(cosine: NDArray[np.float64], lowest: float) -> NDArray[np.float64]:
+def place(cosine, lowest):
     """The s of `cells` in 0..1 where the cosine is this."""
     if lowest == -1.0:
         return 0.5 + 0.5 * np.sign(cosine) * np.sqrt(np.abs(cosine))
     return np.sqrt(np.maximum(0.0, (cosine - lowest) / (1.0 - lowest)))
 
 
-def support(spec: MaterialSpec, direction: Vec3) -> tuple[NDArray[np.float64], float]:
+def support(spec, direction):
     """An axis, and the lowest cosine to it at which the pdf is not zero."""
     fuzz = getattr(spec, "fuzz", None)
     if fuzz is None:
@@ -177,7 +172,7 @@ def support(spec: MaterialSpec, direction: Vec3) -> tuple[NDArray[np.float64], f
 
 @every_lit_material
 @every_angle
-def test_directions_follow_the_pdf_that_evaluate_tells(spec: MaterialSpec, degrees: float) -> None:
+def test_directions_follow_the_pdf_that_evaluate_tells(spec, degrees):
     # Pearson's chi-square over cells of directions, plus one for what is absorbed or falls outside of them.
     count, rows, columns = 200_000, 16, 24
     direction = incoming(min(degrees, 85.0) if spec.type in FACETS else degrees)
@@ -206,7 +201,7 @@ def test_directions_follow_the_pdf_that_evaluate_tells(spec: MaterialSpec, degre
 
 @every_lit_material
 @every_angle
-def test_weight_is_f_cos_over_pdf(spec: MaterialSpec, degrees: float) -> None:
+def test_weight_is_f_cos_over_pdf(spec, degrees):
     direction = incoming(degrees)
     outgoing, weight, pdf = scatter_many(spec, direction, 20_000)
     value, density = evaluate_many(spec, direction, outgoing)
@@ -223,7 +218,7 @@ def test_weight_is_f_cos_over_pdf(spec: MaterialSpec, degrees: float) -> None:
 
 @every_other_material
 @every_angle
-def test_what_cannot_be_lit_by_choice_has_no_value(spec: MaterialSpec, degrees: float) -> None:
+def test_what_cannot_be_lit_by_choice_has_no_value(spec, degrees):
     # Mirrors, glass, emitters, and what is black: aiming at a light would bring nothing.
     direction = incoming(degrees)
     outgoing, weight, pdf = scatter_many(spec, direction, 1000)
@@ -237,7 +232,7 @@ def test_what_cannot_be_lit_by_choice_has_no_value(spec: MaterialSpec, degrees: 
 
 @every_lit_material
 @every_angle
-def test_hemisphere_reflects_no_more_than_arrives(spec: MaterialSpec, degrees: float) -> None:
+def test_hemisphere_reflects_no_more_than_arrives(spec, degrees):
     # The directional albedo, the integral of f |cos|, is at most 1, and the mean weight is an estimate of it.
     direction = incoming(min(degrees, 85.0) if spec.type in FACETS else degrees)
     axis, lowest = support(spec, direction)
@@ -253,7 +248,7 @@ def test_hemisphere_reflects_no_more_than_arrives(spec: MaterialSpec, degrees: f
 
 
 @every_lit_material
-def test_normal_and_frame_do_not_matter_but_for_turning_along(spec: MaterialSpec) -> None:
+def test_normal_and_frame_do_not_matter_but_for_turning_along(spec):
     # A surface turned by a rotation has the same pdf for directions turned with it.
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
@@ -267,7 +262,7 @@ def test_normal_and_frame_do_not_matter_but_for_turning_along(spec: MaterialSpec
 
 
 @every_material
-def test_only_emitters_emit(spec: MaterialSpec) -> None:
+def test_only_emitters_emit(spec):
     radiance = {front: emitted(spec, front) for front in (True, False)}
     assert (
         (spec.emitted_power(ParameterPacker()) > 0.0)
@@ -279,7 +274,7 @@ def test_only_emitters_emit(spec: MaterialSpec) -> None:
         assert radiance[False] == (spec.radiance if spec.two_sided else (0.0, 0.0, 0.0))
 
 
-def test_a_row_is_that_of_its_material() -> None:
+def test_a_row_is_that_of_its_material():
     kinds = {case.values[0].type for case in CASES}
     for kind in sorted(kinds):
         specs = [case.values[0] for case in CASES if case.values[0].type == kind]
@@ -288,7 +283,7 @@ def test_a_row_is_that_of_its_material() -> None:
             assert_same(row(table, number, None, SITE), packed_row(spec))
 
 
-def assert_same(a: Any, b: Any) -> None:
+def assert_same(a, b):
     """Rows are equal in all but where they stand in tables."""
     if isinstance(a, CellBlend):
         assert a.blend == b.blend

@@ -41,12 +41,12 @@ out["moon"] = rt.render(build(scene, "exercise.yaml"), threads=1).radiance
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+def made(tmp_path_factory):
     code = CODE.format(roughness=ROUGHNESS, incidence=INCIDENCE)
     return run_with_kind("materials", "oren_nayar.py", code, tmp_path_factory.mktemp("oren_nayar"))
 
 
-def formula(light: np.ndarray, view: np.ndarray, roughness: float) -> float:
+def formula(light, view, roughness):
     """The paper's equation 30 with angles, for albedo 1: light and view are unit vectors round +z."""
     variance = np.radians(roughness) ** 2
     a, b = 1.0 - 0.5 * variance / (variance + 0.33), 0.45 * variance / (variance + 0.09)
@@ -56,12 +56,12 @@ def formula(light: np.ndarray, view: np.ndarray, roughness: float) -> float:
     return float((a + b * max(0.0, np.cos(azimuth)) * slopes) / np.pi)
 
 
-def test_it_is_a_short_file() -> None:
+def test_it_is_a_short_file():
     assert code_lines("oren_nayar.py") < 130
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESS)
-def test_it_is_the_formula_of_the_paper(made: dict[str, np.ndarray], roughness: float) -> None:
+def test_it_is_the_formula_of_the_paper(made, roughness):
     directions = made["directions"]
     expected = [[formula(light, view, roughness) * view[2] for view in directions] for light in directions]
     value = made[f"value {roughness}"]
@@ -71,20 +71,8 @@ def test_it_is_the_formula_of_the_paper(made: dict[str, np.ndarray], roughness: 
     np.testing.assert_allclose(made[f"pdf {roughness}"], np.broadcast_to(directions[:, 2] / np.pi, value.shape[:2]))
 
 
-def test_without_roughness_it_is_lambertian(made: dict[str, np.ndarray]) -> None:
-    np.testing.assert_allclose(
-        made["value 0.0"][..., 0], np.broadcast_to(0.9 * made["directions"][:, 2] / np.pi, (9, 9))
-    )
-
-
 @pytest.mark.parametrize("roughness", ROUGHNESS)
-def test_light_goes_both_ways_alike(made: dict[str, np.ndarray], roughness: float) -> None:
-    brdf = made[f"value {roughness}"][..., 0] / made["directions"][:, 2]
-    np.testing.assert_allclose(brdf, brdf.T, rtol=1e-9)
-
-
-@pytest.mark.parametrize("roughness", ROUGHNESS)
-def test_weights_are_what_is_evaluated_over_the_density(made: dict[str, np.ndarray], roughness: float) -> None:
+def test_weights_are_what_is_evaluated_over_the_density(made, roughness):
     weight, pdf, f_cos, density = np.split(made[f"drawn {roughness}"], [3, 4, 7], axis=1)
     np.testing.assert_allclose(density, pdf, rtol=1e-9)
     np.testing.assert_allclose(weight * pdf, f_cos, rtol=1e-9, atol=1e-12)
@@ -92,16 +80,12 @@ def test_weights_are_what_is_evaluated_over_the_density(made: dict[str, np.ndarr
     assert weight[:, 0].mean() < 0.9 * 1.001
 
 
-def test_a_full_moon_is_flatter_than_a_lambertian_ball(made: dict[str, np.ndarray]) -> None:
+def test_a_full_moon_is_flatter_than_a_lambertian_ball(made):
     # Lit and seen from the front, f cos i = (A + B sin i tan i) cos i / pi.
     y, x = (np.indices((32, 32)) - 15.5) / 16.0
     radius = np.hypot(x, y)
     cosine = np.sqrt(np.clip(1.0 - radius**2, 0.0, 1.0))
     inside = radius < 0.8
-    expected = np.array(
-        [
-            formula(np.array([s, 0.0, c]), np.array([s, 0.0, c]), 30.0) * c
-            for s, c in zip(radius[inside], cosine[inside], strict=True)
-        ]
-    )
+    ways = [np.array([s, 0.0, c]) for s, c in zip(radius[inside], cosine[inside], strict=True)]
+    expected = [formula(way, way, 30.0) * way[2] for way in ways]
     np.testing.assert_allclose(made["moon"][..., 0][inside], expected, rtol=0.02)

@@ -1,17 +1,14 @@
 """Materials that choose among others: which one, how often, and what is left out when there is no choice."""
 
 from collections import Counter
-from typing import Any
 
 import numba
 import numpy as np
 import pytest
 
-from raytracer.core.compiler.dispatch import entry
 from raytracer.core.geometry import Site
-from raytracer.core.sampling import pixel_key
 from raytracer.plugins.materials.base.dispatch import select_at, select_for_shadow_ray, selected_emission
-from raytracer.plugins.materials.base.interface import PASSTHROUGH, Draws, MaterialSpec, split_random_number
+from raytracer.plugins.materials.base.interface import PASSTHROUGH, split_random_number
 from raytracer.plugins.materials.cutout import Cutout
 from raytracer.plugins.materials.emitter import Emitter
 from raytracer.plugins.materials.lambertian import Lambertian
@@ -20,6 +17,7 @@ from raytracer.plugins.textures.base.interface import ParameterPacker
 from raytracer.scene.pack.materials import collect_components, pack_materials, resolve_material
 from raytracer.scene.pack.scene import pack
 from tests.small_scenes import scene
+from tests.vectorised import random_draws, rows, vectorised
 
 HEAD = """
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}
@@ -34,27 +32,13 @@ SITE = Site((0.0, 0.0, 0.0), 0.5, 0.5, 1.0)
 COUNT = 40_000
 
 
-@entry
-def _chosen(scene, reference, front, site, again, result):
-    key = pixel_key(scene.sampler, 0, 0)
-    for index in range(len(result)):
-        draws = Draws(scene.sampler, key, index, 8)
-        if again:
-            result[index] = select_for_shadow_ray(scene.selectors, scene, reference, front, site, draws)
-        else:
-            result[index] = select_at(scene.selectors, scene, reference, front, site, draws)
+def asked(function, world, reference, front):
+    """What a function of the selectors gives for many random numbers."""
+    draws = random_draws(COUNT)._replace(sampler=world.sampler)
+    return vectorised(function)(world.selectors, world, reference, front, SITE, draws)
 
 
-@entry
-def _shown(scene, reference, front, site, result):
-    key = pixel_key(scene.sampler, 0, 0)
-    for index in range(len(result)):
-        draws = Draws(scene.sampler, key, index, 8)
-        red, green, blue = selected_emission(scene.selectors, scene, reference, front, site, draws)
-        result[index, 0], result[index, 1], result[index, 2] = red, green, blue
-
-
-def packed(material: str) -> tuple[Any, int]:
+def packed(material):
     """A scene of one sphere of this material, and the material's reference."""
     one = pack(
         scene(
@@ -64,13 +48,12 @@ def packed(material: str) -> tuple[Any, int]:
     return one.scene, int(one.scene.primitives[0].material[0])
 
 
-def shares(material: str, *, front: bool = True) -> dict[Any, float]:
+def shares(material, *, front=True):
     """Count how often each material shows: by albedo or radiance of its red, None for nothing."""
     world, reference = packed(material)
-    measured: list[dict[Any, float]] = []
-    for again in (False, True):
-        result = np.empty(COUNT, np.int64)
-        _chosen(world, reference, front, SITE, again, result)
+    measured = []
+    for choose in (select_at, select_for_shadow_ray):
+        result = asked(choose, world, reference, front)
         kinds = len(world.materials) + len(world.selectors.tables)
         counts = Counter(result.tolist())
         measured.append({})
@@ -84,36 +67,34 @@ def shares(material: str, *, front: bool = True) -> dict[Any, float]:
     return measured[0]
 
 
-def about(expected: dict[Any, float]) -> Any:
-    return pytest.approx(expected, abs=4.0 * 0.5 / np.sqrt(COUNT))
+SIDES = "{type: two_sided, front: clay, back: chalk}"
+NESTED = (
+    "{type: mixture, weight: 0.25, materials: [{type: cutout, opacity: 0.4, material: clay}, "
+    "{type: two_sided, front: {type: cutout, opacity: 0.5, material: chalk}, back: clay}]}"
+)
 
 
-def test_a_mixture_shows_each_by_its_weight() -> None:
-    assert shares("{type: mixture, materials: [clay, chalk], weight: 0.2}") == about({0.5: 0.8, 0.8: 0.2})
-
-
-def test_a_cutout_shows_as_much_as_is_there() -> None:
-    assert shares("{type: cutout, material: clay, opacity: 0.3}") == about({0.5: 0.3, None: 0.7})
-    assert shares("{type: cutout, material: clay, opacity: 0}") == {None: 1.0}
-    assert shares("{type: cutout, material: clay, opacity: 0.3, threshold: 0.5}") == {None: 1.0}
-    # What is as opaque as the threshold is there.
-    cells = "{type: checker, even: 0.5, odd: 0.25}"
-    assert shares(f"{{type: cutout, material: clay, opacity: {cells}, threshold: 0.5}}") == {0.5: 1.0}
-
-
-def test_two_sides() -> None:
-    both = "{type: two_sided, front: clay, back: chalk}"
-    assert shares(both, front=True) == {0.5: 1.0}
-    assert shares(both, front=False) == {0.8: 1.0}
-
-
-def test_selectors_within_selectors_multiply() -> None:
-    nested = (
-        "{type: mixture, weight: 0.25, materials: [{type: cutout, opacity: 0.4, material: clay}, "
-        "{type: two_sided, front: {type: cutout, opacity: 0.5, material: chalk}, back: clay}]}"
-    )
-    assert shares(nested) == about({0.5: 0.3, 0.8: 0.125, None: 0.575})
-    assert shares(nested, front=False) == about({0.5: 0.55, None: 0.45})
+@pytest.mark.parametrize(
+    ("material", "front", "expected"),
+    [
+        ("{type: mixture, materials: [clay, chalk], weight: 0.2}", True, {0.5: 0.8, 0.8: 0.2}),
+        ("{type: cutout, material: clay, opacity: 0.3}", True, {0.5: 0.3, None: 0.7}),
+        ("{type: cutout, material: clay, opacity: 0}", True, {None: 1.0}),
+        ("{type: cutout, material: clay, opacity: 0.3, threshold: 0.5}", True, {None: 1.0}),
+        # What is as opaque as the threshold is there.
+        (
+            "{type: cutout, material: clay, opacity: {type: checker, even: 0.5, odd: 0.25}, threshold: 0.5}",
+            True,
+            {0.5: 1},
+        ),
+        (SIDES, True, {0.5: 1.0}),
+        (SIDES, False, {0.8: 1.0}),
+        (NESTED, True, {0.5: 0.3, 0.8: 0.125, None: 0.575}),
+        (NESTED, False, {0.5: 0.55, None: 0.45}),
+    ],
+)
+def test_each_material_shows_by_its_share(material, front, expected):
+    assert shares(material, front=front) == pytest.approx(expected, abs=4.0 * 0.5 / np.sqrt(COUNT))
 
 
 @pytest.mark.parametrize(
@@ -125,12 +106,11 @@ def test_selectors_within_selectors_multiply() -> None:
         ("{type: two_sided, front: lamp, back: {type: cutout, material: lamp, opacity: 0.5}}", 1.0, 0.5),
     ],
 )
-def test_a_light_point_gives_the_mean_of_what_may_show(material: str, front: float, back: float) -> None:
+def test_a_light_point_gives_the_mean_of_what_may_show(material, front, back):
     # What a light sample brings on average must be what paths find there on average.
     world, reference = packed(material)
     for side, expected in ((True, front), (False, back)):
-        result = np.empty((COUNT, 3))
-        _shown(world, reference, side, SITE, result)
+        result = asked(selected_emission, world, reference, side)
         np.testing.assert_allclose(result.mean(axis=0), np.array([1, 2, 3]) * expected, atol=3 * 2.0 / np.sqrt(COUNT))
 
 
@@ -145,7 +125,7 @@ def test_a_light_point_gives_the_mean_of_what_may_show(material: str, front: flo
         "{type: two_sided, front: clay, back: clay}",
     ],
 )
-def test_without_a_choice_there_is_no_selector(material: str) -> None:
+def test_without_a_choice_there_is_no_selector(material):
     # The very scene, in type and in values, that names the one material that is ever met.
     world, reference = packed(material)
     plain, of_plain = packed("clay")
@@ -155,27 +135,27 @@ def test_without_a_choice_there_is_no_selector(material: str) -> None:
     assert np.array_equal(world.materials[0].albedo.values, plain.materials[0].albedo.values)
 
 
-def test_only_what_has_holes_lets_pass() -> None:
+def test_only_what_has_holes_lets_pass():
     assert packed("{type: mixture, materials: [clay, chalk]}")[0].transparency is None
     assert packed("{type: mixture, materials: [clay, {type: cutout, material: chalk}]}")[0].transparency is not None
 
 
-def test_relief_of_a_selector_is_its_childrens() -> None:
+def test_relief_of_a_selector_is_its_childrens():
     own = Lambertian(bump="waves", bump_height=0.3)
     mixed = resolve_material(Mixture(materials=("a", own), bump="sand", bump_height=0.1), {"a": Lambertian()})
     children = list(mixed.children().values())
     assert [(child.bump, child.bump_height) for child in children] == [("sand", 0.1), ("waves", 0.3)]
 
 
-def test_exitance_is_the_weighted_one() -> None:
+def test_exitance_is_the_weighted_one():
     lamp = Emitter(radiance=(1.0, 2.0, 3.0))
     clay = Lambertian()
     assert Mixture(materials=(clay, lamp), weight=0.25).emitted_power(ParameterPacker()) == pytest.approx(1.5)
     assert Cutout(material=lamp, opacity=0.5).emitted_power(ParameterPacker()) == pytest.approx(3.0)
 
 
-def test_equal_parts_are_packed_once() -> None:
-    used: list[MaterialSpec] = [
+def test_equal_parts_are_packed_once():
+    used = [
         resolve_material(Mixture(materials=(Lambertian(), Emitter(radiance=(1.0, 1.0, 1.0))), weight=0.25), {}),
         resolve_material(Cutout(material=Lambertian(), opacity=0.5), {}),
         Lambertian(),
@@ -185,14 +165,11 @@ def test_equal_parts_are_packed_once() -> None:
     assert [len(next(iter(table)).values) for table in tables] == [1, 1]
 
 
-def test_what_is_left_of_a_number_is_uniform() -> None:
-    u = (np.arange(1000) + 0.5) / 1000
-    hits = [split_random_number(float(value), 0.3) for value in u]
-    there = np.array([rest for hit, rest in hits if hit])
-    gone = np.array([rest for hit, rest in hits if not hit])
-    assert len(there) == 300
-    for rest in (there, gone):
+def test_what_is_left_of_a_number_is_uniform():
+    hit, left = vectorised(split_random_number)(rows((np.arange(1000) + 0.5) / 1000), 0.3)
+    assert hit.sum() == 300
+    for rest in (left[hit], left[~hit]):
         np.testing.assert_allclose(rest, (np.arange(len(rest)) + 0.5) / len(rest), rtol=1e-9)
-    assert not split_random_number(0.0, 0.0)[0]
-    assert split_random_number(1.0 - 2.0**-53, 1.0)[0]
-    assert split_random_number(1.0 - 2.0**-53, 0.5)[1] < 1.0
+    hit, left = vectorised(split_random_number)(rows([0.0, *[1.0 - 2.0**-53] * 2]), rows([0.0, 1.0, 0.5]))
+    assert hit.tolist() == [False, True, False]
+    assert left[2] < 1.0

@@ -1,122 +1,74 @@
-"""Compiled loops over a medium's functions."""
+"""Functions of media, for rows of random numbers and directions."""
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import entry
-from raytracer.core.sampling import SAMPLERS, pixel_key
-from raytracer.core.vec import Vec3
-from raytracer.plugins.materials.base.interface import DIMENSIONS_PER_SEGMENT, Draws
-from raytracer.plugins.media.base.interface import (
-    MediumSpec,
-    evaluate_phase,
-    row,
-    sample_distance,
-    sample_phase,
-    transmittance,
-)
-
-WHITE = (1.0, 1.0, 1.0)
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.plugins.materials.base.interface import DIMENSIONS_PER_SEGMENT
+from raytracer.plugins.media.base.interface import evaluate_phase, row, sample_distance, sample_phase, transmittance
+from tests.vectorised import random_draws, rows, vectorised
 
 
-@entry
-def _fly_many(table, index, origin, direction, distance, throughput, sampler, far, weight, numbers):
-    key = pixel_key(sampler, 0, 0)
-    for number in range(len(far)):
-        draws = Draws(sampler, key, number, DIMENSIONS_PER_SEGMENT)
-        flight = sample_distance(row(table, index), origin, direction, distance, throughput, draws, 0)
-        far[number] = flight.distance
-        for channel in range(3):
-            weight[number, channel] = flight.weight[channel]
-        numbers[number] = flight.numbers
+@kernel
+def _fly(table, index, origin, direction, distance, throughput, draws):
+    return sample_distance(row(table, index), origin, direction, distance, throughput, draws, 0)
 
 
-@entry
-def _transmittance_many(table, index, origin, direction, distance, sampler, out):
-    key = pixel_key(sampler, 0, 0)
-    for number in range(len(out)):
-        draws = Draws(sampler, key, number, DIMENSIONS_PER_SEGMENT)
-        through, _ = transmittance(row(table, index), origin, direction, distance, draws, 0)
-        for channel in range(3):
-            out[number, channel] = through[channel]
+@kernel
+def _transmit(table, index, origin, direction, distance, draws):
+    return transmittance(row(table, index), origin, direction, distance, draws, 0)[0]
 
 
-@entry
-def _scatter_many(table, index, direction, u, outgoing, pdf, again):
-    medium = row(table, index)
-    for number in range(len(pdf)):
-        out, pdf[number] = sample_phase(medium, direction, u[number, 0], u[number, 1])
-        again[number] = evaluate_phase(medium, direction, out)
-        for axis in range(3):
-            outgoing[number, axis] = out[axis]
+@kernel
+def _scatter(table, direction, u1, u2):
+    outgoing, pdf = sample_phase(row(table, 0), direction, u1, u2)
+    return outgoing, pdf, evaluate_phase(row(table, 0), direction, outgoing)
 
 
-@entry
-def _evaluate_many(table, index, direction, outgoing, pdf):
-    medium = row(table, index)
-    for number in range(len(pdf)):
-        toward = (outgoing[number, 0], outgoing[number, 1], outgoing[number, 2])
-        pdf[number] = evaluate_phase(medium, direction, toward)
+@kernel
+def _evaluate(table, direction, outgoing):
+    return evaluate_phase(row(table, 0), direction, outgoing)
 
 
-Assets = Mapping[str, Any]
-
-
-def packed(*specs: MediumSpec, assets: Sequence[Assets] | None = None) -> Any:
+def packed(*specs, assets=None):
     """The table of media of one kind."""
     return type(specs[0]).pack(list(specs), assets or [{} for _ in specs])
 
 
+def _ray(index, origin, direction, distance):
+    return index, tuple(map(float, origin)), tuple(map(float, direction)), float(distance)
+
+
 def fly_many(
-    table: Any,
-    count: int,
+    table,
+    count,
     *,
-    index: int = 0,
-    origin: Vec3 = (0.0, 0.0, 0.0),
-    direction: Vec3 = (0.0, 0.0, 1.0),
-    distance: float = math.inf,
-    throughput: Vec3 = WHITE,
-    sampler: str = "independent",
-    seed: int = 3,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    index=0,
+    origin=(0.0, 0.0, 0.0),
+    direction=(0.0, 0.0, 1.0),
+    distance=math.inf,
+    throughput=(1.0, 1.0, 1.0),
+    **sampling,
+):
     """Distances (count,), weights (count, 3) and numbers used (count,) of flights."""
-    far, weight, numbers = np.empty(count), np.empty((count, 3)), np.empty(count, np.int64)
-    made = SAMPLERS[sampler](seed, count)
-    _fly_many(table, index, origin, direction, float(distance), throughput, made, far, weight, numbers)
-    return far, weight, numbers
+    draws = random_draws(count, dimension=DIMENSIONS_PER_SEGMENT, **sampling)
+    return vectorised(_fly)(table, *_ray(index, origin, direction, distance), throughput, draws)
 
 
 def transmittance_many(
-    table: Any,
-    count: int,
-    *,
-    index: int = 0,
-    origin: Vec3 = (0.0, 0.0, 0.0),
-    direction: Vec3 = (0.0, 0.0, 1.0),
-    distance: float = math.inf,
-    seed: int = 4,
-) -> NDArray[np.float64]:
+    table, count, *, index=0, origin=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 1.0), distance=math.inf, seed=4
+):
     """Estimates (count, 3)."""
-    out = np.empty((count, 3))
-    _transmittance_many(table, index, origin, direction, float(distance), SAMPLERS["independent"](seed, count), out)
-    return out
+    draws = random_draws(count, seed=seed, dimension=DIMENSIONS_PER_SEGMENT)
+    return vectorised(_transmit)(table, *_ray(index, origin, direction, distance), draws)
 
 
-def scatter_many(
-    table: Any, direction: Vec3, u: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def scatter_many(table, direction, u):
     """Directions (n, 3), their pdfs (n,), and those of `evaluate_phase` (n,), for random numbers (n, 2)."""
-    outgoing, pdf, again = np.empty((len(u), 3)), np.empty(len(u)), np.empty(len(u))
-    _scatter_many(table, 0, direction, np.ascontiguousarray(u), outgoing, pdf, again)
-    return outgoing, pdf, again
+    return vectorised(_scatter)(table, direction, *map(rows, np.asarray(u).T))
 
 
-def evaluate_many(table: Any, direction: Vec3, outgoing: NDArray[np.float64]) -> NDArray[np.float64]:
+def evaluate_many(table, direction, outgoing):
     """Pdfs (n,) of directions (n, 3)."""
-    pdf = np.empty(len(outgoing))
-    _evaluate_many(table, 0, direction, np.ascontiguousarray(outgoing), pdf)
-    return pdf
+    return vectorised(_evaluate)(table, direction, rows(outgoing))

@@ -5,10 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from raytracer.core.vec import Vec3
 from raytracer.plugins.media.base.interface import NUMBERS_PER_DISTANCE
 from raytracer.plugins.media.base.voxel_traversal import BLOCK
 from raytracer.plugins.media.grid import MAX_OPTICAL_THICKNESS, Grid, block_majorants
@@ -25,13 +23,13 @@ HOMOGENEOUS = {"grey": GREY, "coloured": COLOURED, "one channel clear": ONE_CLEA
 every_homogeneous = pytest.mark.parametrize("spec", HOMOGENEOUS.values(), ids=HOMOGENEOUS)
 
 
-def coefficients(spec: Homogeneous) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def coefficients(spec):
     """(extinction, scattering)."""
     absorption, scattering = (np.array(values) for values in spec.coefficients())
     return absorption + scattering, scattering
 
 
-def assert_means(values: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
+def assert_means(values, expected):
     """Each column has its mean within 4.5 standard deviations."""
     deviation = values.std(axis=0) / math.sqrt(len(values))
     np.testing.assert_array_less(np.abs(values.mean(axis=0) - expected), 4.5 * deviation + 1e-12)
@@ -43,9 +41,7 @@ def assert_means(values: NDArray[np.float64], expected: NDArray[np.float64]) -> 
 @every_homogeneous
 @pytest.mark.parametrize("throughput", [(1.0, 1.0, 1.0), (0.2, 1.0, 0.01)])
 @pytest.mark.parametrize("distance", [0.3, 2.0])
-def test_a_slab_lets_through_and_scatters_what_beers_law_says(
-    spec: Homogeneous, throughput: Vec3, distance: float
-) -> None:
+def test_a_slab_lets_through_and_scatters_what_beers_law_says(spec, throughput, distance):
     extinction, scattering = coefficients(spec)
     far, weight, _ = fly_many(packed(spec), COUNT, distance=distance, throughput=throughput)
     scattered = np.isfinite(far)
@@ -61,7 +57,7 @@ def test_a_slab_lets_through_and_scatters_what_beers_law_says(
 
 
 @every_homogeneous
-def test_transmittance_is_exact(spec: Homogeneous) -> None:
+def test_transmittance_is_exact(spec):
     extinction, _ = coefficients(spec)
     for distance in (0.0, 1.3, 1e5):
         result = transmittance_many(packed(spec), 2, distance=distance)
@@ -71,7 +67,7 @@ def test_transmittance_is_exact(spec: Homogeneous) -> None:
 
 
 @every_homogeneous
-def test_the_sum_of_throughputs_never_grows(spec: Homogeneous) -> None:
+def test_the_sum_of_throughputs_never_grows(spec):
     # By choosing channels by throughput: with an albedo of 1 it stays the same, whatever the extinctions are.
     throughput = np.array([0.2, 1.0, 0.01])
     far, weight, _ = fly_many(packed(spec), 10_000, distance=2.0, throughput=tuple(throughput.tolist()))
@@ -82,12 +78,12 @@ def test_the_sum_of_throughputs_never_grows(spec: Homogeneous) -> None:
     np.testing.assert_allclose((weight * throughput).sum(axis=1), throughput.sum(), rtol=1e-12)
 
 
-def test_grey_light_is_scattered_without_loss_of_samples() -> None:
+def test_grey_light_is_scattered_without_loss_of_samples():
     _, weight, _ = fly_many(packed(GREY), 1000, distance=5.0)
     assert set(map(tuple, weight.round(12).tolist())) == {(0.9, 0.5, 0.0), (1.0, 1.0, 1.0)}
 
 
-def test_what_only_absorbs_needs_no_chance() -> None:
+def test_what_only_absorbs_needs_no_chance():
     spec = Homogeneous(absorption=(0.0, 0.5, 2.0))
     far, weight, numbers = fly_many(packed(spec), 10, distance=1.5)
     assert np.isinf(far).all()
@@ -97,7 +93,7 @@ def test_what_only_absorbs_needs_no_chance() -> None:
 
 @pytest.mark.parametrize("extinction", [1e-30, 1e-10, 1e10, 1e30])
 @pytest.mark.parametrize("distance", [0.0, 1e-30, 1.0, math.inf])
-def test_extreme_coefficients_make_no_nan(extinction: float, distance: float) -> None:
+def test_extreme_coefficients_make_no_nan(extinction, distance):
     for values in ((extinction,) * 3, (extinction, 1.0, 0.0)):
         spec = Homogeneous(extinction=values, albedo=(1.0, 0.5, 1.0))
         for throughput in ((1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.3, 0.1, 0.0)):
@@ -106,27 +102,15 @@ def test_extreme_coefficients_make_no_nan(extinction: float, distance: float) ->
             assert np.isfinite(weight).all()
 
 
-def test_a_row_is_that_of_its_medium() -> None:
-    table = packed(GREY, COLOURED)
-    for index, spec in enumerate((GREY, COLOURED)):
-        result = transmittance_many(table, 1, index=index, distance=0.4)[0]
-        np.testing.assert_allclose(result, np.exp(-0.4 * coefficients(spec)[0]), rtol=1e-14)
-
-
 # ---- Grid
 
 
-def grid(
-    density: NDArray[np.float64],
-    low: Vec3 = (0.0, 0.0, 0.0),
-    high: Vec3 = (1.0, 1.0, 1.0),
-    **settings: object,
-) -> object:
+def grid(density, low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 1.0), **settings):
     spec = Grid(file="grid.npy", min=low, max=high, **settings)
     return packed(spec, assets=[{"file": density}])
 
 
-def thickness(density: NDArray[np.float64], start: Vec3, way: Vec3, distance: float, steps: int = 200_000) -> float:
+def thickness(density, start, way, distance, steps=200_000):
     """The integral of the density, in a unit box of voxels, along a ray: by the midpoint rule."""
     from scipy.ndimage import map_coordinates
 
@@ -139,7 +123,7 @@ def thickness(density: NDArray[np.float64], start: Vec3, way: Vec3, distance: fl
 
 
 RANDOM = np.random.default_rng(5).random((19, 8, 21)) ** 3
-RAYS: dict[str, tuple[Vec3, Vec3]] = {
+RAYS = {
     "along an axis": ((0.31, 0.62, -1.0), (0.0, 0.0, 1.0)),
     "back along an axis": ((1.5, 0.05, 0.95), (-1.0, 0.0, 0.0)),
     "askew": ((-0.4, -0.2, -0.3), (0.6, 0.48, 0.64)),
@@ -151,7 +135,7 @@ RAYS: dict[str, tuple[Vec3, Vec3]] = {
 
 
 @pytest.mark.parametrize("ray", RAYS)
-def test_a_grids_transmittance_is_that_of_its_integral(ray: str) -> None:
+def test_a_grids_transmittance_is_that_of_its_integral(ray):
     origin, direction = RAYS[ray]
     table = grid(RANDOM, extinction=4.0, albedo=(0.9, 0.5, 0.1))
     for distance in (0.9, math.inf):
@@ -166,7 +150,7 @@ def test_a_grids_transmittance_is_that_of_its_integral(ray: str) -> None:
         assert (far[scattered] < distance).all()
 
 
-def test_a_linear_density_is_interpolated_exactly() -> None:
+def test_a_linear_density_is_interpolated_exactly():
     # Density = z at the middles of voxels: between the outermost ones the integral to z is z^2 / 2, however few blocks.
     n = 30
     ramp = np.broadcast_to((np.arange(n) + 0.5) / n, (2, 2, n))
@@ -176,7 +160,7 @@ def test_a_linear_density_is_interpolated_exactly() -> None:
         assert_means(result, np.full(3, math.exp(-1.5 * (z1**2 - z0**2))))
 
 
-def test_flights_end_where_the_density_is() -> None:
+def test_flights_end_where_the_density_is():
     # Chi-square of distances against density times transmittance, through several blocks.
     from tests.statistics import chi2_counts
 
@@ -191,7 +175,7 @@ def test_flights_end_where_the_density_is() -> None:
     chi2_counts(np.append(observed, np.isinf(far).sum()), expected, tests=1)
 
 
-def test_a_constant_grid_is_homogeneous() -> None:
+def test_a_constant_grid_is_homogeneous():
     table = grid(np.full((3, 17, 9), 0.5), (-1.0, -1.0, -1.0), (1.0, 1.0, 1.0), extinction=1.4)
     far, _, _ = fly_many(table, COUNT, distance=0.8)
     assert_means(np.isinf(far)[:, None].astype(float), np.full(1, math.exp(-0.7 * 0.8)))
@@ -202,7 +186,7 @@ def test_a_constant_grid_is_homogeneous() -> None:
     assert set(np.unique(result).tolist()) <= {0.0, 1.0}
 
 
-def test_the_box_may_be_anywhere() -> None:
+def test_the_box_may_be_anywhere():
     # A box of 2 x 4 x 8 m turned by 90 degrees about y and moved: its z axis lies along the world's x.
     density = np.zeros((2, 2, 2))
     density[:, :, 1] = 1.0
@@ -210,10 +194,7 @@ def test_the_box_may_be_anywhere() -> None:
         density,
         (0.0, 0.0, 0.0),
         (2.0, 4.0, 8.0),
-        transform=[
-            {"rotate": {"axis": [0, 1, 0], "angle": 90}},
-            {"translate": [10, 0, 0]},
-        ],
+        transform=[{"rotate": {"axis": [0, 1, 0], "angle": 90}}, {"translate": [10, 0, 0]}],
         extinction=0.3,
     )
     # Voxels' middles are at 2 and 6 of its z: none before 12 in x, then a ramp to 16, all of it to 18.
@@ -221,7 +202,7 @@ def test_the_box_may_be_anywhere() -> None:
     assert_means(result, np.full(3, math.exp(-0.3 * (0.5 * 4.0 + 2.0))))
 
 
-def test_blocks_bound_what_is_interpolated_in_them() -> None:
+def test_blocks_bound_what_is_interpolated_in_them():
     bound = block_majorants(RANDOM)
     assert bound.shape == (3, 1, 3)
     assert bound.dtype == np.float32
@@ -230,20 +211,17 @@ def test_blocks_bound_what_is_interpolated_in_them() -> None:
         assert bound[x, y, z] == np.float32(part.max())
 
 
-def test_grids_stand_one_after_another() -> None:
+def test_grids_stand_one_after_another():
     ones, twos = np.full((2, 3, 4), 1.0), np.full((9, 1, 2), 2.0)
     specs = [Grid(file="a.npy", extinction=0.5), Grid(file="b.npy", extinction=1.0)]
     table = packed(*specs, assets=[{"file": ones}, {"file": twos}])
-    dtypes = ("f4", "i8", "i4", "f4", "i8", "i4", "f8", "f8", "f8", "f8")
-    assert [column.dtype for column in table] == [np.dtype(code) for code in dtypes]
-    assert all(column.flags.c_contiguous for column in table)
     for index, expected in ((0, 0.5), (1, 2.0)):
         far, _, _ = fly_many(table, COUNT, index=index, origin=(0.5, 0.5, 0.0))
         assert_means(np.isinf(far)[:, None].astype(float), np.full(1, math.exp(-expected)))
 
 
 @pytest.mark.parametrize("away", [1e3, 1e9, 1e14])
-def test_flights_from_far_away_end(away: float) -> None:
+def test_flights_from_far_away_end(away):
     # Their steps are counted from the box on.  From 1e14 m off, where float64 knows places to 1/64 m, steps of a
     # thousandth of that would not have been any.
     table = grid(np.pad(np.ones((2, 2, 2)), 4), extinction=3000.0)
@@ -257,7 +235,7 @@ def test_flights_from_far_away_end(away: float) -> None:
     assert not through.any()
 
 
-def test_grids_that_no_flight_would_get_through_are_refused() -> None:
+def test_grids_that_no_flight_would_get_through_are_refused():
     density = np.pad(np.full((2, 2, 2), 2.0), 7)
     for transform, metres in ((None, 1.0), ([{"scale": [1.0, 3.0, 1.0]}], 3.0)):
         # 16 voxels an edge, so the longest edge of one is metres / 16.
@@ -272,9 +250,8 @@ def test_grids_that_no_flight_would_get_through_are_refused() -> None:
         assert numbers.max() < 2 * NUMBERS_PER_DISTANCE
 
 
-def test_samplers_agree_on_a_grid() -> None:
+def test_sobols_numbers_fly_as_independent_ones_do():
     origin, direction = RAYS["askew"]
     expected = math.exp(-4.0 * thickness(RANDOM, origin, direction, 4.0))
-    for sampler in ("independent", "stratified", "sobol"):
-        far, _, _ = fly_many(grid(RANDOM, extinction=4.0), 1 << 16, origin=origin, direction=direction, sampler=sampler)
-        assert_means(np.isinf(far)[:, None].astype(float), np.full(1, expected))
+    far, _, _ = fly_many(grid(RANDOM, extinction=4.0), 1 << 16, origin=origin, direction=direction, sampler="sobol")
+    assert_means(np.isinf(far)[:, None].astype(float), np.full(1, expected))

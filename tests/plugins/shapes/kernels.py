@@ -1,117 +1,131 @@
-"""Compiled loops over primitives and rays."""
+"""Rays at tables of primitives, and points on them."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core import embree
-from raytracer.core.compiler.dispatch import entry
-from raytracer.core.embree import GEOMETRY, MISS, PRIMITIVE, TFAR, Accel
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.embree import GEOMETRY, INSTANCE, MISS, PLACEMENT, PRIMITIVE, TFAR, TIME, Accel
 from raytracer.core.geometry import Exact, spawn_point
-from raytracer.core.primitives.base.interface import geometry, hit_any, pdf_point_any, row_of_any, sample_point_any
+from raytracer.core.instancing import intersect_instance, pdf_instance_point, resolve_instance, sample_instance_point
+from raytracer.core.primitives.base.interface import geometry, row_of_any
+from tests.vectorised import rows, vectorised
+
+Array = NDArray[np.float64]
+
+
+class Stage(NamedTuple):
+    """The part of a scene that hits need."""
+
+    primitives: tuple[Any, ...]
+    accuracy: Any = Exact()
+    instances: Any = None
 
 
 class Hits(NamedTuple):
-    """Hits of rays: table, -1 for nothing, and primitive (n,); near, Embree's distance; point, normal and shading
-    normal (n, 3); uv (n, 2); offset (n,); material (n,)."""
+    """Hits of rays: instance, table, primitive (n,), table -1 for nothing; near, Embree's distance (n,); a Hit of
+    arrays, whose fields are fields of this, too; and start, where rays go on along a given direction (n, 3)."""
 
+    instance: NDArray[np.int64]
     table: NDArray[np.int64]
     primitive: NDArray[np.int64]
-    near: NDArray[np.float64]
-    point: NDArray[np.float64]
-    normal: NDArray[np.float64]
-    shading_normal: NDArray[np.float64]
-    uv: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    material: NDArray[np.int64]
+    near: Array
+    hit: Any
+    start: Array
+
+    def __getattr__(self, name):
+        return getattr(self.hit, name)
+
+    @property
+    def uv(self):
+        return np.stack([self.hit.u, self.hit.v], axis=1)
 
 
 class Points(NamedTuple):
-    """Points drawn on a primitive: point and normal (n, 3); pdf, its twin by `pdf_point`, and gap (n,)."""
+    """Points drawn on a primitive: point, normal, local (n, 3); uv (n, 2); pdf, its twin by `pdf_point`, gap (n,)."""
 
-    point: NDArray[np.float64]
-    normal: NDArray[np.float64]
-    pdf: NDArray[np.float64]
-    twin: NDArray[np.float64]
-    gap: NDArray[np.float64]
-
-
-@entry
-def _cast(accel, packet, tables, accuracy, origins, directions, hits):
-    for ray in range(len(origins)):
-        origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
-        direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
-        embree.set_ray(packet, 0, origin, direction, np.inf)
-        embree.intersect(accel, packet, 1)
-        table = embree.load_int(packet, 0, GEOMETRY)
-        if table == MISS:
-            hits.table[ray] = -1
-            continue
-        primitive = row_of_any(tables, table, embree.load_int(packet, 0, PRIMITIVE))
-        near = float(embree.load_float(packet, 0, TFAR))
-        hit = hit_any(tables, table, primitive, origin, direction, near, None, accuracy)
-        hits.table[ray] = table
-        hits.primitive[ray] = primitive
-        hits.near[ray] = near
-        hits.uv[ray, 0] = hit.u
-        hits.uv[ray, 1] = hit.v
-        hits.offset[ray] = hit.offset
-        hits.material[ray] = hit.material
-        for axis in range(3):
-            hits.point[ray, axis] = hit.point[axis]
-            hits.normal[ray, axis] = hit.normal[axis]
-            hits.shading_normal[ray, axis] = hit.shading_normal[axis]
+    point: Array
+    normal: Array
+    local: Array
+    uv: Array
+    pdf: Array
+    twin: Array
+    gap: Array
 
 
-@entry
-def _spawn(accel, packet, tables, accuracy, origins, directions, onwards, starts):
-    for ray in range(len(origins)):
-        origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
-        direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
-        embree.set_ray(packet, 0, origin, direction, np.inf)
-        embree.intersect(accel, packet, 1)
-        table = embree.load_int(packet, 0, GEOMETRY)
-        for axis in range(3):
-            starts[ray, axis] = np.nan
-        if table == MISS:
-            continue
-        near = float(embree.load_float(packet, 0, TFAR))
-        primitive = row_of_any(tables, table, embree.load_int(packet, 0, PRIMITIVE))
-        hit = hit_any(tables, table, primitive, origin, direction, near, None, accuracy)
-        start = spawn_point(hit, (onwards[ray, 0], onwards[ray, 1], onwards[ray, 2]))
-        for axis in range(3):
-            starts[ray, axis] = start[axis]
+@kernel
+def _meet(accel, packet, stage, origin, direction, onward, time):
+    embree.set_ray(packet, 0, origin, direction, np.inf)
+    embree.store_float(packet, 0, TIME, time)
+    embree.intersect(accel, packet, 1)
+    table, part, array, placement, near = np.int64(-1), np.int64(0), np.int64(-1), np.int64(0), 1.0
+    if embree.load_int(packet, 0, GEOMETRY) != MISS:
+        table, part = np.int64(embree.load_int(packet, 0, GEOMETRY)), np.int64(embree.load_int(packet, 0, PRIMITIVE))
+        array, placement = embree.load_int(packet, 0, INSTANCE), embree.load_int(packet, 0, PLACEMENT)
+        near = np.float64(embree.load_float(packet, 0, TFAR))
+    # For a ray that met nothing, any primitive is solved: nobody looks at it.
+    solved = max(table, 0)
+    row = np.int64(row_of_any(stage.primitives, solved, part))
+    instance, primitive = resolve_instance(stage.instances, solved, row, array, placement)
+    hit = intersect_instance(stage.instances, stage, instance, solved, primitive, origin, direction, near, time)
+    return instance, table, primitive, near, hit, spawn_point(hit, onward)
 
 
-@entry
-def _sample(tables, table, primitive, reference, u, points):
-    for index in range(len(u)):
-        drawn = sample_point_any(tables, table, primitive, reference, u[index, 0], u[index, 1], None)
-        points.pdf[index] = drawn.pdf
-        points.gap[index] = drawn.gap
-        points.twin[index] = pdf_point_any(tables, table, primitive, reference, drawn.point, drawn.normal, None)
-        for axis in range(3):
-            points.point[index, axis] = drawn.point[axis]
-            points.normal[index, axis] = drawn.normal[axis]
+@kernel
+def _is_occluded(accel, packet, origin, direction, far):
+    embree.set_ray(packet, 0, origin, direction, far)
+    embree.occluded(accel, packet, 1)
+    return embree.load_float(packet, 0, TFAR) < 0.0
 
 
-@entry
-def _pdf(tables, table, primitive, reference, point, normal, pdf):
-    for index in range(len(pdf)):
-        at = (point[index, 0], point[index, 1], point[index, 2])
-        outside = (normal[index, 0], normal[index, 1], normal[index, 2])
-        pdf[index] = pdf_point_any(tables, table, primitive, reference, at, outside, None)
+@kernel
+def _point(stage, instance, table, primitive, reference, u1, u2, time):
+    on = sample_instance_point(stage.instances, stage, instance, table, primitive, reference, u1, u2, time)
+    twin = pdf_instance_point(stage.instances, stage, instance, table, primitive, reference, on.point, on.normal, time)
+    return on.point, on.normal, on.local, (on.u, on.v), on.pdf, twin, on.gap
 
 
-@entry
-def _occluded(accel, packet, origins, directions, tfar, result):
-    for ray in range(len(origins)):
-        origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
-        direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
-        embree.set_ray(packet, 0, origin, direction, tfar[ray])
-        embree.occluded(accel, packet, 1)
-        result[ray] = embree.load_float(packet, 0, TFAR) < 0.0
+def _all(vectors: Any, count: int, width: int = 3) -> Any:
+    return rows(np.broadcast_to(np.asarray(vectors, np.float64), (count, 3) if width == 3 else (count,)))
+
+
+def trace(
+    stage: Stage, accel: Accel, origins: Any, directions: Any, onwards: Any = (0.0, 0.0, 1.0), times: Any = 0.0
+) -> Hits:
+    """Trace rays (n, 3), each at its time (n,), and solve their hits."""
+    count = max(len(np.atleast_2d(vectors)) for vectors in (origins, directions, onwards))
+    moments = _all(np.asarray(times, np.float32), count, 1)
+    rays = (_all(vectors, count) for vectors in (origins, directions, onwards))
+    met = vectorised(_meet)(accel.address, embree.ray_packets(), stage, *rays, moments)
+    missed = met[1] < 0
+
+    def blank(values: Array) -> Array:
+        return (
+            values
+            if values.dtype.kind == "i"
+            else np.where(missed.reshape(-1, *[1] * (values.ndim - 1)), np.nan, values)
+        )
+
+    instance, table, primitive, near, hit, start = met
+    hit = type(hit)(*map(blank, hit))
+    return Hits(instance, table, primitive, np.where(missed, np.inf, near), hit, blank(start))
+
+
+def leave(
+    shoot: Callable[..., Hits], origins: Any, directions: Any, onwards: Array, times: Any = 0.0
+) -> NDArray[np.int64]:
+    """Tell if rays that leave a convex body outwards hit it again (n,), 0 or 1; -1 for rays that missed it.
+
+    shoot : `trace` in a scene.  Rays go on along `onwards` or the other way, whichever is to the outside.
+    """
+    normal = np.nan_to_num(shoot(origins, directions, times=times).normal)
+    out = np.where((onwards * normal).sum(axis=1) < 0.0, -1.0, 1.0)[:, None] * onwards
+    first = shoot(origins, directions, out, times)
+    again = shoot(np.nan_to_num(first.start, nan=1e30), out, times=times)
+    return np.where(first.table < 0, -1, again.table >= 0)
 
 
 def built(*tables: Any, robust: bool = True) -> Accel:
@@ -119,65 +133,59 @@ def built(*tables: Any, robust: bool = True) -> Accel:
     return Accel([geometry(table) for table in tables], robust=robust)
 
 
-def _rows(vectors: Any) -> NDArray[np.float64]:
-    return np.ascontiguousarray(np.atleast_2d(np.asarray(vectors, np.float64)))
-
-
 def cast(
-    tables: tuple[Any, ...], origins: Any, directions: Any, *, exact: bool = True, accel: Accel | None = None
+    tables: tuple[Any, ...],
+    origins: Any,
+    directions: Any,
+    onwards: Any = (0.0, 0.0, 1.0),
+    *,
+    exact: bool = True,
+    accel: Accel | None = None,
 ) -> Hits:
-    """Trace rays (n, 3) and solve their hits."""
-    starts, ways = _rows(origins), _rows(directions)
-    n = len(starts)
-    hits = Hits(
-        np.full(n, -1), np.zeros(n, np.int64), np.full(n, np.inf), *(np.full((n, 3), np.nan) for _ in range(3)),
-        np.full((n, 2), np.nan), np.full(n, np.nan), np.zeros(n, np.int64),
-    )  # fmt: skip
-    accel = accel or built(*tables)
-    _cast(accel.address, embree.ray_packets(), tables, Exact() if exact else None, starts, ways, hits)
-    return hits
+    """Trace rays (n, 3) at tables and solve their hits."""
+    return trace(Stage(tables, Exact() if exact else None), accel or built(*tables), origins, directions, onwards)
 
 
-def spawn(tables: tuple[Any, ...], origins: Any, directions: Any, onwards: Any, *, accel: Accel) -> NDArray[np.float64]:
+def spawn(tables: tuple[Any, ...], origins: Any, directions: Any, onwards: Any, *, accel: Accel) -> Array:
     """Return the points where rays go on along `onwards` (n, 3) from their hits; NaN where there is none."""
-    starts = np.empty((len(origins), 3))
-    rays = _rows(origins), _rows(directions), _rows(onwards)
-    _spawn(accel.address, embree.ray_packets(), tables, Exact(), *rays, starts)
-    return starts
+    return cast(tables, origins, directions, onwards, accel=accel).start
 
 
-def sample(tables: tuple[Any, ...], table: int, primitive: int, reference: Any, u: NDArray[np.float64]) -> Points:
+def sample_on(
+    stage: Stage, reference: Any, u: Any, *, instance: int = -1, table: int = 0, primitive: int = 0, time: float = 0.0
+) -> Points:
     """Points on a primitive from numbers u (n, 2)."""
-    n = len(u)
-    points = Points(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n), np.empty(n))
-    _sample(tables, table, primitive, tuple(map(float, reference)), u, points)
-    return points
+    place = tuple(map(float, reference))
+    first, second = map(rows, np.transpose(u))
+    return Points(*vectorised(_point)(stage, instance, table, primitive, place, first, second, float(time)))
 
 
-def pdf_of(
-    tables: tuple[Any, ...], table: int, primitive: int, reference: Any, point: Any, normal: Any
-) -> NDArray[np.float64]:
+def sample(tables: tuple[Any, ...], table: int, primitive: int, reference: Any, u: Any) -> Points:
+    """Points on a primitive of tables."""
+    return sample_on(Stage(tables), reference, u, table=table, primitive=primitive)
+
+
+def pdf_of(tables: tuple[Any, ...], table: int, primitive: int, reference: Any, point: Any, normal: Any) -> Array:
     """`pdf_point` of points and normals (n, 3)."""
-    pdf = np.empty(len(point))
-    _pdf(tables, table, primitive, tuple(map(float, reference)), _rows(point), _rows(normal), pdf)
-    return pdf
+    place = tuple(map(float, reference))
+    return vectorised(pdf_instance_point)(
+        None, Stage(tables), -1, table, primitive, place, rows(point), rows(normal), 0.0
+    )
 
 
 def occluded(accel: Accel, origins: Any, directions: Any, tfar: Any) -> NDArray[np.bool_]:
     """Tell for rays (n, 3) if they meet anything before `tfar`."""
-    starts = _rows(origins)
-    result = np.zeros(len(starts), np.bool_)
-    far = np.ascontiguousarray(np.broadcast_to(np.asarray(tfar, np.float64), len(starts)))
-    _occluded(accel.address, embree.ray_packets(), starts, _rows(directions), far, result)
-    return result
+    count = len(np.atleast_2d(origins))
+    rays = _all(origins, count), _all(directions, count), _all(tfar, count, 1)
+    return vectorised(_is_occluded)(accel.address, embree.ray_packets(), *rays)
 
 
-def unit(vectors: Any) -> NDArray[np.float64]:
+def unit(vectors: Any) -> Array:
     """Vectors (n, 3) scaled to length 1."""
-    rows = np.atleast_2d(np.asarray(vectors, np.float64))
-    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+    given = np.atleast_2d(np.asarray(vectors, np.float64))
+    return np.asarray(given / np.linalg.norm(given, axis=1, keepdims=True))
 
 
-def uniform_directions(count: int, seed: int) -> NDArray[np.float64]:
+def uniform_directions(count: int, seed: int) -> Array:
     """Unit vectors (count, 3), uniform over the sphere."""
     return unit(np.random.default_rng(seed).normal(size=(count, 3)))

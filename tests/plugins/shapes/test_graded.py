@@ -1,7 +1,5 @@
 """Parallelograms so large that float32 blurs them near the eye are cut up, and stay one surface."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -18,13 +16,10 @@ EYE = np.array([0.3, 1.5, -0.2])
 SIZE = 1e6
 
 
-EDGES = {
-    "level": ((0.0, 0.0, SIZE), (SIZE, 0.0, 0.0)),
-    "skewed": ((3e4, 0.0, 0.9 * SIZE), (0.8 * SIZE, 0.0, -1.1e5)),
-}
+EDGES = {"level": ((0.0, 0.0, SIZE), (SIZE, 0.0, 0.0)), "skewed": ((3e4, 0.0, 0.9 * SIZE), (0.8 * SIZE, 0.0, -1.1e5))}
 
 
-def ground(kind: str) -> Parallelograms:
+def ground(kind):
     """A parallelogram of 1000 km, a metre below the origin."""
     u, v = np.array(EDGES[kind])
     corner = -0.41 * u - 0.73 * v - [0.0, 1.0, 0.0]
@@ -35,7 +30,7 @@ every_ground = pytest.mark.parametrize("kind", EDGES)
 
 
 @every_ground
-def test_parts_are_the_whole(kind: str) -> None:
+def test_parts_are_the_whole(kind):
     table = ground(kind)
     parts = subdivide_large(table, EYE)
     assert areas(parts).sum() == pytest.approx(areas(table).sum(), rel=1e-12)
@@ -47,7 +42,7 @@ def test_parts_are_the_whole(kind: str) -> None:
 
 
 @every_ground
-def test_parts_share_their_corners_to_the_bit(kind: str) -> None:
+def test_parts_share_their_corners_to_the_bit(kind):
     # A grid of n x m parts has (n + 1) (m + 1) corners; any that differed by a bit would add to them.
     parts = subdivide_large(ground(kind), EYE)
     vertices = np.unique(geometry(parts).vertices[0], axis=0)
@@ -58,7 +53,7 @@ def test_parts_share_their_corners_to_the_bit(kind: str) -> None:
 
 
 @every_ground
-def test_rays_leave_as_near_as_the_eye_can_tell(kind: str) -> None:
+def test_rays_leave_as_near_as_the_eye_can_tell(kind):
     # At the eye's distance d the offset is below d / 256; the whole's would be 0.5 m and more.
     table = ground(kind)
     parts = subdivide_large(table, EYE)
@@ -72,7 +67,7 @@ def test_rays_leave_as_near_as_the_eye_can_tell(kind: str) -> None:
 
 
 @every_ground
-def test_no_ray_passes_between_parts_nor_meets_them_again(kind: str) -> None:
+def test_no_ray_passes_between_parts_nor_meets_them_again(kind):
     # From the eye and from far up, at the corners and edges of parts and anywhere; and on to any side.
     rng = np.random.default_rng(2)
     parts = subdivide_large(ground(kind), EYE)
@@ -102,7 +97,7 @@ def test_no_ray_passes_between_parts_nor_meets_them_again(kind: str) -> None:
     assert (cast((parts,), starts[left], onwards[left], accel=accel).table >= 0).sum() == 0
 
 
-def test_what_is_no_larger_than_one_sees_is_left_alone() -> None:
+def test_what_is_no_larger_than_one_sees_is_left_alone():
     table = Parallelograms(
         np.array([[-5e3, 0.0, -5e3]]), np.array([[0.0, 0.0, 1e4]]), np.array([[1e4, 0.0, 0.0]]), np.zeros(1, np.int32)
     )
@@ -118,7 +113,7 @@ def test_what_is_no_larger_than_one_sees_is_left_alone() -> None:
     assert len(subdivide_large(turned, np.array([0.0, 0.5, 0.0])).corner) > 1
 
 
-def _packed(objects: str) -> Any:
+def _packed(objects):
     return pack(build(_HEAD + objects, "pebble.yaml"))
 
 
@@ -130,7 +125,7 @@ camera: {type: pinhole, look_from: [0, 1, 3], look_at: [0, 0, 0]}
 _GROUND = "{type: quad, corner: [-5e+5, 0, -5e+5], edges: [[0, 0, 1e+6], [1e+6, 0, 0]]"
 
 
-def test_a_pebble_on_a_vast_ground_casts_its_shadow() -> None:
+def test_a_pebble_on_a_vast_ground_casts_its_shadow():
     # Of a centimetre, on 1000 km: rays that leave the ground beside it towards it must meet it, and not pass above.
     result = _packed(f"objects:\n  - {_GROUND}}}\n  - {{type: sphere, center: [0, 0.005, 0], radius: 0.005}}\n")
     tables = result.scene.primitives
@@ -145,7 +140,7 @@ def test_a_pebble_on_a_vast_ground_casts_its_shadow() -> None:
     assert (hits.table == names.index("Spheres")).all()
 
 
-def test_parts_belong_to_the_object_and_are_not_cut_where_textures_lie_on_them() -> None:
+def test_parts_belong_to_the_object_and_are_not_cut_where_textures_lie_on_them():
     result = _packed(f"objects:\n  - {_GROUND}}}\n")
     (owners,) = result.objects.owners
     assert owners.number.tolist() == [0]

@@ -1,30 +1,41 @@
-"""Rays that leave a surface do not meet it again, at any scale; and hits are as exact as float64.
+"""Rays that leave a surface do not meet it again, at any scale, and lamps of all sizes; see tests/hard_cases, too.
 
 Through Embree itself: its float32 distances are what the offsets have to make good.
 """
 
 import math
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.core.primitives.discs import Discs
 from raytracer.core.primitives.parallelograms import Parallelograms
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.core.primitives.triangles import SmoothTriangles, Triangles
-from tests.plugins.shapes.kernels import built, cast, pdf_of, sample, spawn, uniform_directions, unit
+from tests.plugins.shapes.kernels import (
+    Stage,
+    built,
+    cast,
+    leave,
+    occluded,
+    pdf_of,
+    sample,
+    spawn,
+    trace,
+    uniform_directions,
+    unit,
+)
 
 SCALES = (1e-3, 1.0, 1e3, 1e6)
 
 
-def spheres(center: Any, radius: Any) -> Spheres:
+def spheres(center, radius):
     centers = np.atleast_2d(np.asarray(center, np.float64))
     return Spheres(centers, np.atleast_1d(np.asarray(radius, np.float64)), np.zeros(len(centers), np.int32))
 
 
-def flat(kind: str, scale: float) -> Any:
+def flat(kind, scale):
     """A tilted flat primitive of this size, away from the origin by its size."""
     corner, u, v = (
         scale * np.array([0.7, 0.3, -0.2]),
@@ -41,57 +52,36 @@ def flat(kind: str, scale: float) -> Any:
     return Triangles(vertices, np.array([[0, 1, 2]], np.uint32), material)
 
 
-def self_hits(table: Any, origins: NDArray[np.float64], directions: NDArray[np.float64], seed: int) -> tuple[int, int]:
-    """Count rays that go on from hits to a random side and meet the same flat surface again: (hits, rays)."""
-    onwards = uniform_directions(len(origins), seed)
-    accel = built(table)
-    starts = spawn((table,), origins, directions, onwards, accel=accel)
-    left = ~np.isnan(starts[:, 0])
-    again = cast((table,), starts[left], onwards[left], accel=accel)
-    return int((again.table >= 0).sum()), int(left.sum())
-
-
 @pytest.mark.parametrize("kind", ["parallelogram", "disc", "triangle"])
 @pytest.mark.parametrize("scale", SCALES)
-def test_rays_leave_flat_surfaces_for_good(kind: str, scale: float) -> None:
+def test_rays_leave_flat_surfaces_for_good(kind, scale):
     # Hard case 15: a plane cannot be met twice.  Without an offset half of the rays would meet it.
     table = flat(kind, scale)
     count = 50_000
     middle = scale * (np.array([0.7, 0.3, -0.2]) + 0.5 * np.array([0.8, 1.2, 0.7]))
     origins = middle + 3.0 * scale * uniform_directions(count, 1)
     targets = middle + 0.5 * scale * np.random.default_rng(2).uniform(-1.0, 1.0, (count, 3))
-    hits, rays = self_hits(table, origins, unit(targets - origins), 3)
-    assert rays > count // 5
-    assert hits == 0
+    onwards, accel = uniform_directions(count, 3), built(table)
+    starts = spawn((table,), origins, unit(targets - origins), onwards, accel=accel)
+    left = ~np.isnan(starts[:, 0])
+    assert left.sum() > count // 5
+    assert not occluded(accel, starts[left], onwards[left], np.inf).any()
 
 
 @pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("place", ["at the origin", "a ground below the origin", "far off"])
-def test_rays_leave_spheres_outwards_for_good(scale: float, place: str) -> None:
+@pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.0, -1.0, 0.0), (30.0, -20.0, 10.0)])
+def test_rays_leave_spheres_outwards_for_good(scale, place):
     # Hard case 1: the error of a large sphere is that of |centre| + radius, not of the hit point near the origin.
-    center = {
-        "at the origin": np.zeros(3),
-        "a ground below the origin": np.array([0.0, -scale, 0.0]),
-        "far off": scale * np.array([30.0, -20.0, 10.0]),
-    }[place]
-    table = spheres(center, scale)
-    count = 100_000
-    normals = uniform_directions(count, 4)
-    origins = center + 2.0 * scale * normals
+    center, count = scale * np.array(place), 100_000
+    table = (spheres(center, scale),)
+    origins = center + 2.0 * scale * uniform_directions(count, 4)
     targets = center + scale * uniform_directions(count, 5) * 0.99
-    directions = unit(targets - origins)
-    first = cast((table,), origins, directions)
-    assert (first.table == 0).all()
-    onwards = uniform_directions(count, 6)
-    onwards *= np.sign((onwards * first.normal).sum(axis=1))[:, None]
-    accel = built(table)
-    starts = spawn((table,), origins, directions, onwards, accel=accel)
-    again = cast((table,), starts, onwards, accel=accel)
-    assert (again.table >= 0).sum() == 0
+    shoot = partial(trace, Stage(table), built(*table))
+    assert (leave(shoot, origins, unit(targets - origins), uniform_directions(count, 6)) == 0).all()
 
 
 @pytest.mark.parametrize("scale", SCALES)
-def test_rays_inside_spheres_meet_the_far_side(scale: float) -> None:
+def test_rays_inside_spheres_meet_the_far_side(scale):
     # From inside, the next hit is the chord's other end, 2 r cos away; a self-hit would be near 0.
     center = scale * np.array([0.5, -1.0, 2.0])
     table = spheres(center, scale)
@@ -115,60 +105,10 @@ def test_rays_inside_spheres_meet_the_far_side(scale: float) -> None:
     assert (np.abs(result - chord)[long] <= 2.0 * offset / cosine[long]).all()
 
 
-def test_a_thousand_spheres_of_all_sizes() -> None:
-    # Hard case 9 (pbrt-v4, shapes_test.cpp): radii 1e-4 to 1e4, a thousand rays from each; none meets its own sphere.
-    # Centres are up to a thousand radii off: farther than 1e5, float32 cannot hold a sphere.
-    rng = np.random.default_rng(9)
-    failures = 0
-    for _ in range(100):
-        radius = 10.0 ** rng.uniform(-4.0, 4.0, 10)
-        center = rng.uniform(-1.0, 1.0, (10, 3)) * radius[:, None] * 10.0 ** rng.uniform(-1.0, 3.0, (10, 1))
-        for c, r in zip(center, radius, strict=True):
-            table = spheres(c, r)
-            seed = int(rng.integers(1 << 31))
-            normals = uniform_directions(1000, seed)
-            origins = c + 3.0 * r * normals
-            onwards = uniform_directions(1000, seed + 1)
-            onwards *= np.sign((onwards * normals).sum(axis=1))[:, None]
-            accel = built(table)
-            starts = spawn((table,), origins, -normals, onwards, accel=accel)
-            left = ~np.isnan(starts[:, 0])
-            assert left.mean() > 0.9
-            failures += int((cast((table,), starts[left], onwards[left], accel=accel).table >= 0).sum())
-    assert failures == 0
-
-
-@pytest.mark.parametrize(
-    ("degrees", "distance"), [(90.0, 1.0), (10.0, 5.854486340902376), (3.75, 17.665512273919436), (2.5, None)]
-)
-def test_ground_sphere_of_one_weekend(degrees: float, distance: float | None) -> None:
-    # Hard case 3: r = 1000, eye (0, 1, 0), so many degrees below the horizon; Embree alone is off by 3e-4.
-    # c / (b + sqrt(b^2 - c)) with b = 1001 sin, c = 1001^2 - 1000^2, in 40 digits.
-    table = spheres([0.0, -1000.0, 0.0], 1000.0)
-    angle = math.radians(degrees)
-    hits = cast((table,), [0.0, 1.0, 0.0], [math.cos(angle), -math.sin(angle), 0.0])
-    if distance is None:
-        assert hits.table[0] == -1
-    else:
-        assert np.linalg.norm(hits.point[0] - [0.0, 1.0, 0.0]) == pytest.approx(distance, abs=1e-11)
-
-
-@pytest.mark.parametrize("radius", [1e3, 1e4, 1e5, 1e6])
-def test_height_above_large_spheres(radius: float) -> None:
-    # Hard case 4: Embree's height error is 1.6e-4 to 0.15; solved in float64, 3e-10.
-    table = spheres([0.0, -radius, 0.0], radius)
-    x = np.random.default_rng(10).uniform(-3.0, 3.0, (1000, 2))
-    origins = np.column_stack([x[:, 0], np.full(1000, 5.0), x[:, 1]])
-    hits = cast((table,), origins, np.tile([0.0, -1.0, 0.0], (1000, 1)))
-    squared = (x**2).sum(axis=1)
-    height = -squared / (np.sqrt(radius * radius - squared) + radius)
-    assert np.abs(hits.point[:, 1] - height).max() <= 3e-10
-
-
 @pytest.mark.parametrize("distance", [10.0, 1e3, 1e5])
-def test_far_spheres_are_met_in_front_and_exactly(distance: float) -> None:
+def test_far_spheres_are_met_in_front_and_exactly(distance):
     # Hard case 1: unit spheres within an impact parameter of 0.999; however near the limb, the near side is met.
-    count = 100_000
+    count = 20_000
     rng = np.random.default_rng(11)
     b, phi = 0.999 * np.sqrt(rng.random(count)), 2.0 * np.pi * rng.random(count)
     table = spheres([0.0, 0.0, 0.0], 1.0)
@@ -183,38 +123,8 @@ def test_far_spheres_are_met_in_front_and_exactly(distance: float) -> None:
     assert (np.abs(hits.point[met, 2] - height[met]) * height[met] <= 4e-16 * distance + 1e-15).all()
 
 
-def test_eye_at_the_centre_of_a_sphere() -> None:
-    # Hard case 5: t = r all round, with the normal outwards.
-    directions = uniform_directions(1000, 12)
-    hits = cast((spheres([1.0, 2.0, 3.0], 1.0),), np.tile([1.0, 2.0, 3.0], (1000, 1)), directions)
-    np.testing.assert_allclose(hits.point - [1.0, 2.0, 3.0], directions, atol=1e-15)
-    np.testing.assert_allclose(hits.normal, directions, atol=1e-15)
-
-
-def test_rays_that_start_on_a_sphere_give_numbers() -> None:
-    # Hard case 7: outwards there is nothing or the surface itself, inwards the surface or the far side.
-    normals = uniform_directions(2000, 18)
-    table = spheres([0.0, 0.0, 0.0], 1.0)
-    for way, distances in ((normals, (0.0,)), (-normals, (0.0, 2.0))):
-        hits = cast((table,), normals, way)
-        met = hits.table == 0
-        result = np.linalg.norm(hits.point[met] - normals[met], axis=1)
-        assert (np.abs(result[:, None] - distances).min(axis=1) < 1e-6).all()
-        np.testing.assert_allclose(np.linalg.norm(hits.normal[met], axis=1), 1.0, atol=1e-15)
-
-
-def test_tangent_rays_give_numbers() -> None:
-    # Hard case 6: a ray at x = 1 touches the unit sphere or misses it, without NaN.
-    for x in (1.0, np.nextafter(1.0, 0.0), np.float64(np.nextafter(np.float32(1.0), np.float32(0.0)))):
-        hits = cast((spheres([0.0, 0.0, 0.0], 1.0),), [x, 0.0, 5.0], [0.0, 0.0, -1.0])
-        if hits.table[0] == 0:
-            assert np.isfinite(hits.point).all()
-            assert np.isfinite(hits.normal).all()
-            np.testing.assert_allclose(hits.point[0], [1.0, 0.0, 0.0], atol=1e-3)
-
-
 @pytest.mark.parametrize(("distance", "radius"), [(1e4, 1.0), (1e8, 1.0), (1.0 + 1e-5, 1.0)])
-def test_cone_of_a_sphere_light_keeps_its_density_finite(distance: float, radius: float) -> None:
+def test_cone_of_a_sphere_light_keeps_its_density_finite(distance, radius):
     # Hard case 10: the solid angle is 2 pi s^2 / (1 + sqrt(1 - s^2)), s = r / d; 1 - cos is 0 in float32 at d = 1e4.
     table = spheres([0.0, 0.0, 0.0], radius)
     points = sample((table,), 0, 0, [distance, 0.0, 0.0], np.random.default_rng(13).random((1000, 2)))
@@ -226,7 +136,7 @@ def test_cone_of_a_sphere_light_keeps_its_density_finite(distance: float, radius
 
 
 @pytest.mark.parametrize("distance", [1.0 - 2.0**-52, 1.0, 1.0 + 2.0**-52, 1.0 + 1e-9])
-def test_a_sphere_is_drawn_by_area_from_points_on_it(distance: float) -> None:
+def test_a_sphere_is_drawn_by_area_from_points_on_it(distance):
     # Such as those of glowing glass that lights itself; which side of the sphere rounding puts them on must not matter.
     table = (spheres([0.0, 0.0, 0.0], 1.0),)
     points = sample(table, 0, 0, [distance, 0.0, 0.0], np.random.default_rng(13).random((4000, 2)))
@@ -238,7 +148,7 @@ def test_a_sphere_is_drawn_by_area_from_points_on_it(distance: float) -> None:
     np.testing.assert_allclose(result, points.pdf, rtol=1e-9)
 
 
-def test_the_far_side_of_a_sphere_is_not_aimed_at() -> None:
+def test_the_far_side_of_a_sphere_is_not_aimed_at():
     # From outside only the near side is drawn, so what is seen of the far one through holes is left to paths.
     table = (spheres([0.0, 0.0, 0.0], -1.0),)
     points = sample(table, 0, 0, [3.0, 0.0, 0.0], np.random.default_rng(13).random((1000, 2)))
@@ -251,18 +161,8 @@ def test_the_far_side_of_a_sphere_is_not_aimed_at() -> None:
     assert not pdf_of(table, 0, 0, [3.0, 0.0, 0.0], far, -far).any()
 
 
-def test_quads_have_no_gap_along_their_diagonal() -> None:
-    # Hard case 11: Embree cuts a quad in two; with its robust flag no ray passes between.
-    table = flat("parallelogram", 1.0)
-    corner, u, v = table.corner[0], table.u[0], table.v[0]
-    t = np.random.default_rng(14).random(200_000)[:, None]
-    targets = corner + u + t * (v - u)
-    origins = targets + 2.0 * unit(uniform_directions(len(t), 15) + 1.5 * unit(np.cross(u, v)))
-    assert (cast((table,), origins, unit(targets - origins)).table == 0).all()
-
-
 @pytest.mark.parametrize("exact", [True, False])
-def test_what_accuracy_adds(exact: bool) -> None:
+def test_what_accuracy_adds(exact):
     # `exact` solves the hit again, to 1e-15 of the distance; `fast` takes Embree's float32 distance along the ray.
     table = flat("parallelogram", 1.0)
     corner, u, v = table.corner[0], table.u[0], table.v[0]
@@ -279,7 +179,7 @@ def test_what_accuracy_adds(exact: bool) -> None:
         assert 1e-6 < off.max() < 1e-4
 
 
-def test_vertex_normals_that_cancel_leave_the_face_its_own() -> None:
+def test_vertex_normals_that_cancel_leave_the_face_its_own():
     # Half of one normal and half of its opposite: 0 / 0 in place of a direction, where a file's normals are that bad.
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], np.float32)
     bent = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, -1.0]], np.float32)

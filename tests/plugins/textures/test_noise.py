@@ -3,35 +3,27 @@
 import numpy as np
 import pytest
 
-from raytracer.core.compiler.dispatch import entry
 from raytracer.plugins.textures.noise import fractal_noise, perlin
 from tests.plugins.textures.kernels import looked_up, slopes, spec_of, table_of
-
-
-@entry
-def _noise(points, seed, octaves, out):
-    for i in range(len(points)):
-        point = (points[i, 0], points[i, 1], points[i, 2])
-        out[i] = perlin(point, seed) if octaves == 0 else fractal_noise(point, seed, octaves)
+from tests.vectorised import rows, vectorised
 
 
 def noise(points, seed=0, octaves=0):
-    out = np.empty(len(points))
-    _noise(np.ascontiguousarray(points, np.float64), seed, octaves, out)
-    return out
+    at = rows(np.asarray(points, np.float64))
+    return vectorised(fractal_noise)(at, seed, octaves) if octaves else vectorised(perlin)(at, seed)
 
 
 def random_points(count, seed=3, size=100.0):
     return np.random.default_rng(seed).uniform(-size, size, (count, 3))
 
 
-def test_it_is_zero_at_lattice_points() -> None:
+def test_it_is_zero_at_lattice_points():
     lattice = np.stack(np.meshgrid(*[np.arange(-4.0, 5.0)] * 3), axis=-1).reshape(-1, 3)
     for seed in (0, 1, 2**32 - 1):
         assert not noise(lattice, seed).any()
 
 
-def test_its_mean_is_zero_and_it_keeps_to_its_range() -> None:
+def test_its_mean_is_zero_and_it_keeps_to_its_range():
     values = noise(random_points(400_000))
     # Values within a cell are correlated, those of different cells are not: nearly all of these points are alone.
     assert abs(values.mean()) < 4.0 * values.std() / np.sqrt(len(values))
@@ -40,14 +32,14 @@ def test_its_mean_is_zero_and_it_keeps_to_its_range() -> None:
     assert 0.22 < values.std() < 0.31
 
 
-def test_each_direction_is_like_the_others() -> None:
+def test_each_direction_is_like_the_others():
     points = random_points(200_000)
     step = 1e-3
     rates = [np.mean(((noise(points + step * axis) - noise(points)) / step) ** 2) for axis in np.eye(3)]
     assert np.std(rates) < 0.02 * np.mean(rates)
 
 
-def test_it_is_twice_continuously_differentiable_across_cells() -> None:
+def test_it_is_twice_continuously_differentiable_across_cells():
     # One-sided second differences at a wall between cells differ by O(h), those of a kink in the slope by O(1 / h), and
     # those of the cubic fade of 1985 by a constant.
     rng = np.random.default_rng(5)
@@ -62,7 +54,7 @@ def test_it_is_twice_continuously_differentiable_across_cells() -> None:
     assert jumps[1] < 0.1
 
 
-def test_its_slope_at_a_lattice_point_is_the_gradient_there() -> None:
+def test_its_slope_at_a_lattice_point_is_the_gradient_there():
     # Gradients go to the edges of a cube: two components of size 1 and one of 0.
     lattice = np.random.default_rng(6).integers(-50, 50, (300, 3)).astype(np.float64)
     h = 1e-6
@@ -73,13 +65,13 @@ def test_its_slope_at_a_lattice_point_is_the_gradient_there() -> None:
     assert len(np.unique(np.round(gradient), axis=0)) == 12
 
 
-def test_another_seed_is_another_noise() -> None:
+def test_another_seed_is_another_noise():
     points = random_points(20_000)
     first, second = noise(points, 0), noise(points, 1)
     assert abs(np.corrcoef(first, second)[0, 1]) < 0.03
 
 
-def test_octaves_halve_in_size_and_double_in_frequency() -> None:
+def test_octaves_halve_in_size_and_double_in_frequency():
     points = random_points(1000, size=5.0)
     expected = noise(points, 7) + 0.5 * noise(2 * points, 8) + 0.25 * noise(4 * points, 9)
     np.testing.assert_allclose(noise(points, 7, octaves=3), expected, atol=1e-15)
@@ -89,7 +81,7 @@ def colors(points, **parameters):
     return looked_up(table_of(spec_of("noise", **parameters)), points=points)[:, 0]
 
 
-def test_patterns_follow_their_formulas() -> None:
+def test_patterns_follow_their_formulas():
     points = random_points(2000, size=3.0)
     turbulence = np.abs(noise(points, 0, octaves=7))
     np.testing.assert_allclose(colors(points, scale=2.5), 0.5 + 0.5 * noise(2.5 * points), atol=1e-15)
@@ -100,7 +92,7 @@ def test_patterns_follow_their_formulas() -> None:
     np.testing.assert_allclose(colors(points, pattern="marble", scale=4.0), book, atol=1e-14)
 
 
-def test_the_pattern_blends_the_two_colours() -> None:
+def test_the_pattern_blends_the_two_colours():
     points = random_points(100)
     low, high = np.array((0.1, 0.2, 0.3)), np.array((0.9, 0.5, 0.4))
     spec = spec_of("noise", low=low.tolist(), high=high.tolist(), octaves=4)
@@ -110,7 +102,7 @@ def test_the_pattern_blends_the_two_colours() -> None:
 
 
 @pytest.mark.parametrize("pattern", ["perlin", "marble"])
-def test_slopes_are_derivatives_along_the_tangents(pattern: str) -> None:
+def test_slopes_are_derivatives_along_the_tangents(pattern):
     points = random_points(500, size=4.0)
     table = table_of(spec_of("noise", pattern=pattern, scale=3.0, octaves=2))
     tangent, bitangent = (0.3, -2.0, 0.4), (0.0, 0.5, 5.0)

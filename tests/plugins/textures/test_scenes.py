@@ -9,7 +9,7 @@ CAMERA = "camera: {type: pinhole, look_from: [0, 4, 4], look_at: [0, 0, 0], vfov
 FLOOR = "  - {type: quad, corner: [-3, 0, 3], edges: [[6, 0, 0], [0, 0, -6]], material: {type: lambertian}}\n"
 
 
-def lamp(x: float, z: float, size: float, material: str) -> str:
+def lamp(x, z, size, material):
     return (
         f"  - {{type: quad, corner: [{x}, 1, {z}], edges: [[{size}, 0, 0], [0, 0, {size}]], "
         f"material: {{type: emitter, radiance: {material}}}}}\n"
@@ -17,7 +17,7 @@ def lamp(x: float, z: float, size: float, material: str) -> str:
 
 
 @pytest.mark.slow
-def test_a_lamp_with_a_texture_is_as_its_parts() -> None:
+def test_a_lamp_with_a_texture_is_as_its_parts():
     # A checker of 2 x 2 cells, two of them black, and four lamps of one colour each.
     checker = "{type: checker, space: uv, scale: 0.5, even: [0, 0, 0], odd: [8, 4, 2]}"
     whole = image(CAMERA + FLOOR + lamp(-1, -1, 2, checker), spp=1024, filled=False)
@@ -29,7 +29,7 @@ def test_a_lamp_with_a_texture_is_as_its_parts() -> None:
 
 
 @pytest.mark.slow
-def test_solid_textures_and_relief_go_with_an_instance() -> None:
+def test_solid_textures_and_relief_go_with_an_instance():
     # A ball placed by an instance and turned, seen by a camera that went along, is the ball itself; a mirror draws no
     # directions, which would not turn along.
     material = (

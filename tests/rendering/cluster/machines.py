@@ -1,14 +1,10 @@
 """A Dask scheduler and workers as processes on this machine."""
 
 import os
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import IO
 
 _SECONDS_TO_START = 60.0
 _SECONDS_TO_END = 10.0
@@ -20,61 +16,51 @@ class Machines:
     address : of the scheduler, whose port the system has chosen.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._processes: list[subprocess.Popen[bytes]] = []
-        self._logs: list[IO[bytes]] = []
+    def __init__(self, folder):
+        self._folder, self._processes, self._logs = folder, [], []
         self.scheduler = self._start("scheduler", "--port", "0", "--no-show")
-        self.address = self._said("scheduler0.log", "Scheduler at:").split()[-1]
+        self.address = self._said(folder / "scheduler0.log", "Scheduler at:").split()[-1]
 
-    def worker(self, threads: int = 1, **variables: str) -> "subprocess.Popen[bytes]":
+    def worker(self, threads=1):
         """A new one, which need not have said hello yet."""
         name = f"worker{len(self._processes)}"
-        return self._start(
-            "worker",
-            self.address,
-            *("--nthreads", str(threads), "--name", name, "--memory-limit", "0"),
-            *("--no-nanny", "--local-directory", str(self._folder / name), "--death-timeout", "30"),
-            **variables,
-        )
+        options = f"--nthreads {threads} --name {name} --memory-limit 0 --no-nanny --death-timeout 30"
+        return self._start("worker", self.address, *options.split(), "--local-directory", str(self._folder / name))
 
-    def kill(self, process: "subprocess.Popen[bytes]") -> None:
+    def kill(self, process):
         """Kill one of them, as a power cut would."""
-        process.send_signal(signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
+        process.kill()
         process.wait(_SECONDS_TO_END)
 
-    def close(self) -> None:
+    def close(self):
         """End all that still run; at once, since what they leave lies in the folder."""
-        for process in self._processes:
+        for process, log in zip(self._processes, self._logs, strict=True):
             if process.poll() is None:
                 self.kill(process)
-        for log in self._logs:
             log.close()
 
-    def _start(self, kind: str, *options: str, **variables: str) -> "subprocess.Popen[bytes]":
-        path = self._folder / f"{kind}{len(self._processes)}.log"
-        log = path.open("wb")
+    def _start(self, kind, *options):
+        log = (self._folder / f"{kind}{len(self._processes)}.log").open("wb")
         self._logs.append(log)
         command = [sys.executable, "-m", "distributed.cli.dask_" + kind, *options]
         command += ["--host", "127.0.0.1", "--no-dashboard"]
-        environment = {**os.environ, **variables}
-        process = subprocess.Popen(command, stdout=log, stderr=log, env=environment, cwd=self._folder)
+        process = subprocess.Popen(command, stdout=log, stderr=log, env=os.environ, cwd=self._folder)
         self._processes.append(process)
         return process
 
-    def _said(self, log: str, beginning: str) -> str:
+    def _said(self, path, beginning):
         """The first line of a log that holds these words."""
-        path, end = self._folder / log, time.monotonic() + _SECONDS_TO_START
+        end = time.monotonic() + _SECONDS_TO_START
         while time.monotonic() < end:
-            lines = [line for line in path.read_text().splitlines() if beginning in line]
-            if lines:
-                return lines[0]
+            for line in path.read_text().splitlines():
+                if beginning in line:
+                    return line
             time.sleep(0.05)
         raise TimeoutError(path.read_text())
 
 
 @contextmanager
-def machines(folder: Path, workers: int = 3) -> Iterator[Machines]:
+def machines(folder, workers=3):
     """A scheduler and workers, which end with the `with` block."""
     started = Machines(folder)
     try:

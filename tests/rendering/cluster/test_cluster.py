@@ -4,9 +4,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -18,16 +16,13 @@ from raytracer.rendering.cluster import connection, executor
 from raytracer.rendering.cluster.connection import Cluster
 from raytracer.rendering.cluster.worker import Fingerprint, find_mismatch, fingerprint
 from raytracer.rendering.options import RenderOptions
-from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import render
-from raytracer.rendering.session import Rendered
+from raytracer.rendering.worker_pool import WorkerPool
 from raytracer.scene.load import load
-from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError, OutputError, StrictError
-from tests.rendering.cluster.machines import Machines, machines
-from tests.rendering.test_adaptive_sampling import HALVES
+from tests.rendering.cluster.machines import machines
+from tests.rendering.halves import HALVES, assert_same, halves
 from tests.repository import REFERENCES, SCENES
-from tests.small_scenes import scene
 
 pytest.importorskip("distributed")
 
@@ -35,37 +30,27 @@ MESH = "\n  - {type: mesh, file: solids/octahedron.obj, transform: [{scale: 0.4}
 
 
 @pytest.fixture(scope="module")
-def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machines]:
+def three(tmp_path_factory):
     """A scheduler and three workers."""
     with machines(tmp_path_factory.mktemp("machines")) as started:
         yield started
 
 
 @pytest.fixture(scope="module")
-def cluster(three: Machines) -> Iterator[Cluster]:
+def cluster(three):
     with Cluster(three.address) as connected:
         yield connected
 
 
 @pytest.fixture
-def spec(tmp_path: Path) -> SceneSpec:
+def spec(tmp_path):
     """A scene with a file, which the workers cannot find by its name."""
     (tmp_path / "solids").mkdir()
     (tmp_path / "solids" / "octahedron.obj").write_bytes((REFERENCES / "octahedron.obj").read_bytes())
-    return scene(HALVES.rstrip() + MESH, width=44, height=36, spp=37, max_depth=4, base=tmp_path)
+    return halves(HALVES.rstrip() + MESH, base=tmp_path)
 
 
-def assert_same(a: Rendered, b: Rendered) -> None:
-    """Everything that a picture and its file hold, bit for bit."""
-    np.testing.assert_array_equal(a.image.radiance, b.image.radiance)
-    assert a.image.variance is not None
-    assert b.image.variance is not None
-    np.testing.assert_array_equal(a.image.variance, b.image.variance)
-    assert a.image.settings == b.image.settings
-    assert (a.complete, a.stats.rays, a.stats.error) == (b.complete, b.stats.rays, b.stats.error)
-
-
-def test_three_workers_give_the_bits_of_one_machine(cluster: Cluster, spec: SceneSpec) -> None:
+def test_three_workers_give_the_bits_of_one_machine(cluster, spec):
     here = render(spec, threads=2)
     far = render(spec, cluster=cluster)
     assert_same(far, here)
@@ -78,88 +63,52 @@ def test_three_workers_give_the_bits_of_one_machine(cluster: Cluster, spec: Scen
     assert_same(far, render(spec, seed=5, noise=0.1, threads=2))
 
 
-def test_the_command_renders_on_a_cluster(
-    three: Machines, spec: SceneSpec, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "halves.yaml"
+def test_the_command_renders_on_a_cluster_and_fails_when_it_is_lost(three, spec, tmp_path, capsys, monkeypatch):
+    path, here, far = (tmp_path / name for name in ("halves.yaml", "here.npy", "far.npy"))
     spec.save(path)
-    here, far = tmp_path / "here.npy", tmp_path / "far.npy"
-    assert main(["render", str(path), "-q", "-o", str(here)]) == 0
+    words = ["render", str(path), "-q", "-o"]
+    assert main([*words, str(here)]) == 0
     said = capsys.readouterr().err
-    assert main(["render", str(path), "-q", "-o", str(far), "--cluster", three.address]) == 0
+    assert main([*words, str(far), "--cluster", three.address]) == 0
     assert far.read_bytes() == here.read_bytes()
     assert capsys.readouterr().err == said
 
-
-def test_the_command_fails_when_the_cluster_is_lost(
-    three: Machines,
-    spec: SceneSpec,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def lost(*arguments: object) -> None:
+    def lost(*arguments):
         raise OutputError("the cluster is lost")
 
     monkeypatch.setattr(executor.ClusterExecutor, "run", lost)
-    spec.save(tmp_path / "halves.yaml")
-    picture = tmp_path / "far.npy"
-    assert main(["render", str(tmp_path / "halves.yaml"), "-q", "-o", str(picture), "--cluster", three.address]) == 1
+    assert main([*words, str(far), "--cluster", three.address]) == 1
     said = capsys.readouterr().err.splitlines()[-1]
-    assert said == f"rt: the cluster is lost; {picture} has 0 of 37 samples per pixel"
-    assert np.load(picture).shape == (36, 44, 3)
+    assert said == f"rt: the cluster is lost; {far} has 0 of 37 samples per pixel"
+    assert np.load(far).shape == (36, 44, 3)
 
 
-def test_several_renders_share_a_cluster(cluster: Cluster, spec: SceneSpec) -> None:
-    found: dict[int, Rendered] = {}
-
-    def work(seed: int) -> None:
-        found[seed] = render(spec, seed=seed, cluster=cluster)
-
-    threads = [threading.Thread(target=work, args=(seed,)) for seed in (1, 2, 3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for seed in (1, 2, 3):
-        assert_same(found[seed], render(spec, seed=seed, threads=2))
+def test_several_renders_share_a_cluster(cluster, spec):
+    with ThreadPoolExecutor(3) as pool:
+        found = list(pool.map(lambda seed: render(spec, seed=seed, cluster=cluster), (1, 2, 3)))
+    for seed, far in enumerate(found, 1):
+        assert_same(far, render(spec, seed=seed, threads=2))
 
 
 # ---- Who may take part
 
 
-def test_a_worker_of_another_version_is_refused(
-    cluster: Cluster, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    other = fingerprint()._replace(versions={**fingerprint().versions, "numba": "0.1"})
+def test_a_worker_of_another_version_or_another_instruction_set_is_told_or_refused(cluster, spec, monkeypatch):
+    mine, told = fingerprint(), []
+    other = mine._replace(versions={**mine.versions, "numba": "0.1"})
     monkeypatch.setattr(executor, "fingerprint", lambda: other)
-    told: list[str] = []
     with pytest.raises(InputError, match=r"^worker tcp://127\S* has numba .*, and here it is 0.1; install the same"):
-        render(spec, cluster=cluster, warn=told.append)
-
-
-def test_another_instruction_set_is_told_and_refused_if_strict(
-    cluster: Cluster, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    other = fingerprint()._replace(processor="vax")
-    monkeypatch.setattr(executor, "fingerprint", lambda: other)
-    told: list[str] = []
+        render(spec, cluster=cluster)
+    monkeypatch.setattr(executor, "fingerprint", lambda: mine._replace(processor="vax"))
     assert render(spec, cluster=cluster, warn=told.append).complete
     assert len([sentence for sentence in told if "has another instruction set than this machine" in sentence]) == 1
+    # Without the warnings that the scene itself raises.
+    connected = cluster.connect(spec, RenderOptions(strict=True))
     with pytest.raises(StrictError, match="instruction set"):
-        connect_only(cluster, spec, RenderOptions(strict=True))
+        connected.run(lambda: None, lambda job, result: None, WorkerPool(1), time.perf_counter() + 30.0)
 
 
-def connect_only(cluster: Cluster, spec: SceneSpec, options: RenderOptions) -> None:
-    """Take samples without the warnings that the scene itself raises."""
-    from raytracer.rendering.worker_pool import WorkerPool
-
-    cluster.connect(spec, options).run(
-        lambda: None, lambda job, result: None, WorkerPool(1), time.perf_counter() + 30.0
-    )
-
-
-def test_what_differs_is_named() -> None:
+def test_what_differs_is_named():
     here = Fingerprint({"rt": "2.0", "Python": "3.12.1"}, "abc", "vax")
     assert find_mismatch(here, here) is None
     assert find_mismatch(here, here._replace(processor="pdp")) is None
@@ -175,36 +124,34 @@ def test_what_differs_is_named() -> None:
 # ---- Nobody there
 
 
-def test_no_scheduler(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("tcp://127.0.0.1:9", "no Dask scheduler answers within 0.3 s; `dask scheduler`"),
+        ("pigeon://roof", "is no address of a Dask scheduler"),
+        ("tls://127.0.0.1:9", "needs certificates"),
+    ],
+)
+def test_no_scheduler(address, said, monkeypatch, capsys):
     monkeypatch.setattr(connection, "CONNECT_SECONDS", 0.3)
-    with pytest.raises(
-        InputError, match=r"^tcp://127.0.0.1:9: no Dask scheduler answers within 0.3 s; `dask scheduler`"
-    ):
-        Cluster("tcp://127.0.0.1:9")
-    with pytest.raises(InputError, match="pigeon://roof: is no address of a Dask scheduler"):
-        Cluster("pigeon://roof")
-    with pytest.raises(InputError, match=r"tls://127.0.0.1:9: needs certificates"):
-        Cluster("tls://127.0.0.1:9")
-    assert main(["render", str(SCENES / "cornell.yaml"), "--cluster", "tcp://127.0.0.1:9", "-q"]) == 2
-    assert capsys.readouterr().err.startswith("rt: tcp://127.0.0.1:9: no Dask scheduler answers")
+    assert main(["render", str(SCENES / "cornell.yaml"), "--cluster", address, "-q"]) == 2
+    assert capsys.readouterr().err.startswith(f"rt: {address}: {said}")
 
 
-def test_no_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"pip install 'raytracer\[cluster\]'"):
         Cluster("tcp://127.0.0.1:9")
 
 
-def test_nothing_of_dask_is_imported_unless_it_is_used() -> None:
-    code = (
-        "import sys, raytracer.rendering.cluster, raytracer.cli.base.app; "
-        "assert not {'dask', 'distributed'} & sys.modules.keys()"
-    )
+def test_nothing_of_dask_is_imported_unless_it_is_used():
+    code = "import sys, raytracer.rendering.cluster, raytracer.cli.base.app; "
+    code += "assert not {'dask', 'distributed'} & sys.modules.keys()"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_no_workers(three: Machines, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[str] = []
+def test_no_workers(three, spec, monkeypatch):
+    told = []
     monkeypatch.setattr(executor, "REPORT_AFTER", 0.2)
     with Cluster(three.address, patience=0.5, say=told.append) as empty:
         monkeypatch.setattr(empty.client, "nthreads", dict)
@@ -216,71 +163,68 @@ def test_no_workers(three: Machines, spec: SceneSpec, monkeypatch: pytest.Monkey
 # ---- Workers that come and go
 
 
-class _Watch:
-    """Calls something in its own thread once a render is so far, in part of its samples."""
+def once(part, step):
+    """Call something in a thread of its own once a render has this part of its samples."""
+    steps = [step]
 
-    def __init__(self, **steps: Callable[[], object]) -> None:
-        self._steps = sorted((float(name.removeprefix("at_")) / 100.0, step) for name, step in steps.items())
+    def watch(progress):
+        if steps and progress.done >= part * progress.wanted:
+            steps.pop()()
 
-    def __call__(self, progress: Progress) -> None:
-        while self._steps and progress.done >= self._steps[0][0] * progress.wanted:
-            self._steps.pop(0)[1]()
+    return watch
 
 
 @pytest.fixture(scope="module")
-def long() -> SceneSpec:
+def long():
     """Some ten seconds of work of one thread, on a scene that is compiled already."""
-    return scene(HALVES, width=160, height=120, spp=2000, max_depth=4)
+    return halves(width=160, height=120, spp=2000)
 
 
 @pytest.fixture(scope="module")
-def expected(long: SceneSpec) -> Rendered:
+def expected(long):
     return render(long, threads=2)
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_killed_changes_nothing(tmp_path: Path, long: SceneSpec, expected: Rendered) -> None:
+def test_a_worker_that_is_killed_changes_nothing(tmp_path, long, expected):
     with machines(tmp_path, workers=2) as found, Cluster(found.address) as cluster:
         victim = found.worker()
-        watch = _Watch(at_30=lambda: found.kill(victim))
-        assert_same(render(long, cluster=cluster, progress=watch), expected)
+        assert_same(render(long, cluster=cluster, progress=once(0.3, lambda: found.kill(victim))), expected)
         assert victim.poll() is not None
 
 
 @pytest.mark.slow
-def test_a_worker_that_comes_late_takes_part(tmp_path: Path, long: SceneSpec, expected: Rendered) -> None:
+def test_a_worker_that_comes_late_takes_part(tmp_path, long, expected):
     with machines(tmp_path, workers=1) as found, Cluster(found.address) as cluster:
-        far = render(long, cluster=cluster, progress=_Watch(at_5=lambda: found.worker(threads=2)))
+        far = render(long, cluster=cluster, progress=once(0.05, lambda: found.worker(threads=2)))
         assert_same(far, expected)
         assert len(far.stats.workers) == 2
 
 
 @pytest.mark.slow
-def test_all_may_die_if_another_comes(tmp_path: Path, long: SceneSpec, expected: Rendered) -> None:
-    told: list[str] = []
+def test_all_may_die_if_another_comes(tmp_path, long, expected):
+    told = []
     with machines(tmp_path, workers=0) as found, Cluster(found.address, say=told.append) as cluster:
         first = [found.worker(), found.worker()]
 
-        def disaster() -> None:
+        def disaster():
             for worker in first:
                 found.kill(worker)
             threading.Timer(4.0, found.worker).start()
 
-        far = render(long, cluster=cluster, progress=_Watch(at_30=disaster))
+        far = render(long, cluster=cluster, progress=once(0.30, disaster))
         assert_same(far, expected)
         assert 2 <= len(far.stats.workers) <= 3
     assert any("has no workers; waiting for one" in sentence for sentence in told)
 
 
 @pytest.mark.slow
-def test_a_lost_scheduler_leaves_the_picture_so_far(
-    tmp_path: Path, long: SceneSpec, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lost_scheduler_leaves_the_picture_so_far(tmp_path, long, monkeypatch):
     monkeypatch.setattr(connection, "CONNECT_SECONDS", 2.0)
     with machines(tmp_path, workers=2) as found:
         time.sleep(3.0)
         with Cluster(found.address) as cluster:
-            far = render(long, cluster=cluster, progress=_Watch(at_30=lambda: found.kill(found.scheduler)))
+            far = render(long, cluster=cluster, progress=once(0.30, lambda: found.kill(found.scheduler)))
     assert far.failure == "the cluster is lost: its scheduler does not answer any more"
     assert not far.complete
     assert 0 < far.fewest_samples < 2000
@@ -288,11 +232,11 @@ def test_a_lost_scheduler_leaves_the_picture_so_far(
 
 
 @pytest.mark.slow
-def test_ctrl_c_leaves_the_picture_so_far(cluster: Cluster, long: SceneSpec) -> None:
-    def press() -> None:
+def test_ctrl_c_leaves_the_picture_so_far(cluster, long):
+    def press():
         raise KeyboardInterrupt
 
-    far = render(long, cluster=cluster, progress=_Watch(at_30=press))
+    far = render(long, cluster=cluster, progress=once(0.30, press))
     assert far.interrupted
     assert far.failure is None
     assert 0 < far.fewest_samples < 2000
@@ -305,25 +249,21 @@ def test_ctrl_c_leaves_the_picture_so_far(cluster: Cluster, long: SceneSpec) -> 
     ("name", "keys"),
     [("textures", {}), ("smoke", {"render.clamp": 5}), ("instances", {}), ("cover", {"render.sampler": "stratified"})],
 )
-def test_every_effect_goes_along(cluster: Cluster, name: str, keys: dict[str, Any]) -> None:
+def test_every_effect_goes_along(cluster, name, keys):
     shown = load(SCENES / f"{name}.yaml", {"film.width": 40, "film.height": 30, "render.spp": 20, **keys})
     aovs = ("normal", "depth", "object_id", "direct", "coverage", "samples")
     here, far = render(shown, aovs=aovs, threads=2), render(shown, aovs=aovs, cluster=cluster)
     assert_same(far, here)
     assert here.stats.clamp == far.stats.clamp
-    for layer in aovs:
-        np.testing.assert_array_equal(far.image.layers[layer], here.image.layers[layer])
 
 
 @pytest.mark.parametrize("order", ["there, then here", "here, then there"])
-def test_a_render_goes_on_elsewhere(
-    spec: SceneSpec, cluster: Cluster, tmp_path: Path, order: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_render_goes_on_elsewhere(spec, cluster, tmp_path, order, monkeypatch):
     monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
     first, second = (cluster, None) if order.startswith("there") else (None, cluster)
-    path, spp = tmp_path / "a.checkpoint", 700
+    path, spp = tmp_path / "a.checkpoint", 300
 
-    def stop(progress: Progress) -> None:
+    def stop(progress):
         if progress.done > 0.3 * progress.wanted:
             raise KeyboardInterrupt
 

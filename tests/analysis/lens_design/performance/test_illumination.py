@@ -12,11 +12,10 @@ from raytracer.analysis.lens_design.performance.optical_bench import set_up_benc
 from raytracer.analysis.lens_design.performance.results import Settings
 from raytracer.analysis.lens_design.performance.spots import axis_point, trace_field_point
 from raytracer.optics.glass import AIR, constant_index_glass
-from raytracer.scene.assets.lenses import read_lens
-from tests.analysis.lens_design.benches import SHIPPED, bench_at, lens_of, sensor, thin_lens
+from tests.analysis.lens_design.benches import bench_at, lens_of, sensor, shipped, thin_lens
 
 
-def foote(angle_deg: float, f_number: float) -> float:
+def foote(angle_deg, f_number):
     """E / (pi L) of a disc at right angles to the axis, off that: Foote 1915, Bull. Bur. Standards 12."""
     p, t = math.tan(math.radians(angle_deg)), 1.0 / (2.0 * f_number)
     root = math.sqrt(p**4 + 2.0 * p**2 * (1.0 - t**2) + (1.0 + t**2) ** 2)
@@ -24,7 +23,7 @@ def foote(angle_deg: float, f_number: float) -> float:
 
 
 @pytest.mark.parametrize(("angle", "f_number"), [(0.0, 1.4), (20.0, 1.4), (35.0, 2.0)])
-def test_a_disc_is_as_foote_has_it(angle: float, f_number: float) -> None:
+def test_a_disc_is_as_foote_has_it(angle, f_number):
     # A lens of next to no power, whose rim is the pupil.
     lens = lens_of(
         (1e-12, 1e-9, constant_index_glass(1.5), 100.0 / (2.0 * f_number), {"is_stop": True}), (0.0, 0.0, AIR, 500.0)
@@ -33,13 +32,11 @@ def test_a_disc_is_as_foote_has_it(angle: float, f_number: float) -> None:
     height = 100.0 * math.tan(math.radians(angle))
     found = projected_solid_angle(bench, "y", height) / math.pi
     assert found == pytest.approx(foote(angle, f_number), rel=3e-4)
-    if angle == 0.0:
-        assert found == pytest.approx(1.0 / (1.0 + 4.0 * f_number**2), rel=3e-4)
     if (angle, f_number) == (20.0, 1.4):
         assert found == pytest.approx(0.092460, rel=3e-4)
 
 
-def test_a_small_pupil_gives_cos4() -> None:
+def test_a_small_pupil_gives_cos4():
     lens = thin_lens(50.0, 0.0, constant_index_glass(1.5), 0.1)
     found = illumination(bench_at(lens))
     angle = np.arctan(found.image_height_mm / 50.0)
@@ -49,11 +46,10 @@ def test_a_small_pupil_gives_cos4() -> None:
 
 
 @pytest.mark.parametrize("f_number", [None, 8.0])
-def test_the_film_and_the_scene_agree(f_number: float | None) -> None:
+def test_the_film_and_the_scene_agree(f_number):
     # The light of a field point is the cross-section of its beam; a ring of the scene of solid angle sin(a) da is
     # imaged to h dh: so E(h) = beam sin(a) / (h dh/da).  One side traces from the film, the other from the scene.
-    path = next(path for path in SHIPPED if path.name == "double-gauss-50mm.yaml")
-    bench = set_up_bench(read_lens(path), Settings(f_number=f_number))
+    bench = set_up_bench(shipped("double-gauss-50mm"), Settings(f_number=f_number))
     parts = np.array([0.4, 0.7, 0.95])
     step = 1e-4
     scene = field_points(bench, "y", np.concatenate([parts, parts + step, parts - step]))
@@ -71,10 +67,9 @@ def test_the_film_and_the_scene_agree(f_number: float | None) -> None:
         assert here == pytest.approx(there, rel=0.01)
 
 
-def test_the_curve_is_smooth() -> None:
+def test_the_curve_is_smooth():
     # No rings: second differences are small and even up to where rims begin to cut the pupil off, from where it falls.
-    path = next(path for path in SHIPPED if path.name == "double-gauss-50mm.yaml")
-    bench = set_up_bench(read_lens(path), Settings(f_number=5.6, steps=81))
+    bench = set_up_bench(shipped("double-gauss-50mm"), Settings(f_number=5.6, steps=81))
     relative = illumination(bench).relative
     second = np.diff(relative[:72], 2)
     assert np.abs(second).max() < 2e-4
@@ -82,7 +77,7 @@ def test_the_curve_is_smooth() -> None:
     assert (np.diff(relative[72:]) < 0.0).all()
 
 
-def test_beyond_the_rim_it_is_dark() -> None:
+def test_beyond_the_rim_it_is_dark():
     # A tube before and behind a lens lets nothing through beyond some angle.
     lens = lens_of(
         (0.0, 40.0, AIR, 5.0, {"kind": "flat"}),

@@ -1,0 +1,159 @@
+"""Scenes of the camera lecture and of real lenses: the settings of their pictures, and what their pages say."""
+
+import math
+import re
+import shlex
+
+import numpy as np
+import pytest
+import typer
+from scipy.optimize import minimize_scalar
+
+from raytracer.analysis.explain import explain
+from raytracer.cli.base.app import application
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.lens_setup import stop_radius_for
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.rendering.render import render
+from raytracer.scene.assets.lenses import read_lens
+from raytracer.scene.load import load
+from raytracer.scene.overrides import parse_overrides
+from tests.repository import ROOT, SCENES, script
+
+make_gallery, street = script("docs/make_gallery.py"), script("scenes/generate/street.py")
+make_diagrams = script("docs/make_diagrams.py")
+
+LECTURE = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "lecture").glob("*.md")))
+OPTICS = (ROOT / "docs" / "lenses-gallery.md").read_text(encoding="utf-8")
+SHEETS = {
+    f"{folder}/{name}": (SCENES / folder / f"{name}.yaml", sheet)
+    for folder, sheets in (("lecture", make_gallery.LECTURE), ("optics", make_gallery.OPTICS))
+    for name, sheet in sheets.items()
+}
+EVERY_SHEET = pytest.mark.parametrize("name", SHEETS)
+
+
+@pytest.mark.parametrize(("folder", "page"), [("lecture", LECTURE), ("optics", OPTICS)], ids=["lecture", "optics"])
+def test_the_gallery_shows_every_scene_and_the_page_every_sheet(folder, page):
+    names = sorted(path.stem for path in (SCENES / folder).glob("*.yaml"))
+    assert sorted(name.partition("/")[2] for name in SHEETS if name.startswith(folder)) == names
+    assert sorted(re.findall(rf"gallery/{folder}_(\w+)\.jpg", page)) == names
+
+
+def test_pages_show_every_diagram_that_is_drawn():
+    drawn = sorted(make_diagrams.DIAGRAMS)
+    assert sorted(path.stem for path in (ROOT / "docs" / "lecture" / "diagrams").glob("*.svg")) == drawn
+    assert sorted(re.findall(r"diagrams/(\w+)\.svg", LECTURE)) == drawn
+
+
+@EVERY_SHEET
+def test_a_scene_says_what_to_look_at_and_what_to_change_and_has_settings_of_its_own(name):
+    path, sheet = SHEETS[name]
+    comment = path.read_text(encoding="utf-8").partition("camera:")[0]
+    assert all(line.startswith("# ") for line in comment.splitlines())
+    assert "# Look at: " in comment
+    assert "# Change: " in comment
+    specs = [load(path, dict(variant.keys)) for variant in sheet.variants]
+    assert len({repr((spec.camera, spec.lights)) for spec in specs}) == len(specs) > 1
+    assert len({variant.caption for variant in sheet.variants}) == len(specs)
+
+
+@pytest.mark.slow
+@EVERY_SHEET
+def test_every_setting_gives_a_picture_and_those_of_the_lecture_are_exposed_well(name):
+    path, sheet = SHEETS[name]
+    for variant in sheet.variants:
+        rendered = render(make_gallery.smaller(path, variant.keys, 48, 48), spp=16)
+        values = rendered.image.radiance
+        assert rendered.stats.nan_samples == 0
+        assert np.isfinite(values).all()
+        if name.startswith("optics"):
+            assert (values >= 0.0).all()
+            assert values.max() > 0.2, variant.caption
+            continue
+        # Light is neither lost nor mostly beyond what the sensor can tell apart: 10/78 is what a meter wants; night and
+        # bright roads are up to two stops from it.
+        assert rendered.setting.iso is not None
+        assert 0.04 < np.minimum(values, 1.0).mean() < 0.4, variant.caption
+        assert np.mean(values.max(axis=2) > 1.0) < 0.2, variant.caption
+        assert np.median(values) > 0.01, variant.caption
+
+
+def test_files_that_scripts_made_are_what_the_scripts_make():
+    for folder, names in (("lecture", street.HEADS), ("optics", street.OPTICS)):
+        for name in names:
+            assert (SCENES / folder / f"{name}.yaml").read_text(encoding="utf-8") == street.street(name)
+    assert (SCENES / "lecture" / "splash.ply").read_bytes() == script("scenes/generate/splash.py").ply()
+
+
+def commands():
+    """Commands of the lecture, without `rt`, and what the page says that they print."""
+    for block in re.findall(r"^```\n(.*?)^```$", LECTURE, re.DOTALL | re.MULTILINE):
+        for piece in re.split(r"^\$ rt ", block, flags=re.MULTILINE)[1:]:
+            first, *output = piece.splitlines()
+            yield pytest.param(shlex.split(first), output, id=first)
+
+
+@pytest.mark.parametrize(("words", "output"), list(commands()))
+def test_commands_of_the_page_work_and_print_what_it_says(words, output):
+    verb, scene, *options = words
+    parameters = typer.main.get_command(application()).commands[verb].params
+    assert set(options[::2]) <= {name for parameter in parameters for name in parameter.opts}
+    keys = [value for option, value in zip(options[::2], options[1::2], strict=True) if option == "-D"]
+    spec = load(ROOT / scene, parse_overrides(keys))
+    assert bool(output) == (verb == "explain")
+    if output:
+        printed = {" ".join(line.split()) for line in explain(spec).text().splitlines()}
+        assert {" ".join(line.split()) for line in output} <= printed
+
+
+# ---- Numbers of the page of real lenses
+
+
+def spot(name, f_number, point, film=None):
+    """Trace light of a point (height, distance, mm) to a film (n, 2); by default that of the first order."""
+    lens = read_lens(SCENES / "lenses" / f"{name}.yaml")
+    surfaces = lens.packed(stop_radius=stop_radius_for(lens, f_number))
+    height, distance = point
+    if film is None:
+        found = cardinal_points(surfaces)
+        film = found.rear_principal + 1.0 / (1.0 / found.focal_length - 1.0 / (distance + found.front_principal))
+    line = np.linspace(-1.0, 1.0, 301) * 1.1 * surfaces.radius[0]
+    across, above = (grid.ravel() for grid in np.meshgrid(line, line))
+    ways = np.stack([across, above - height, np.full(len(across), distance)], axis=1)
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    weights, points, onward = trace_rays(surfaces, np.tile([0.0, height, -distance], (len(ways), 1)), ways)
+    points, onward = points[weights > 0.0], onward[weights > 0.0]
+    return (points + ((film - points[:, 2]) / onward[:, 2])[:, None] * onward)[:, :2]
+
+
+def test_the_singlet_blurs_by_the_cube_of_its_opening():
+    for f_number, radius in ((4.0, 0.1545), (8.0, 0.0185)):
+        square = minimize_scalar(
+            lambda film, n=f_number: (spot("plano-convex-100mm", n, (0.0, 2000.0), film) ** 2).sum(axis=1).mean(),
+            bounds=(100.0, 112.0),
+            method="bounded",
+        ).fun
+        assert math.sqrt(square) == pytest.approx(radius, rel=3e-3)
+        assert f"{radius} mm by rays" in OPTICS
+
+
+def test_comets_are_as_long_as_rays_say():
+    lengths = [np.ptp(spot("hyperbolic-100mm", n, (840.0, 10000.0))[:, 1]) for n in (2.5, 5.0)]
+    assert lengths == pytest.approx([1.82, 0.50], abs=0.01)
+    assert re.search(r"rays say 1\.82 mm.*rays say\s+0\.50 mm", OPTICS, re.DOTALL)
+
+
+def test_the_fisheye_draws_angles_and_the_wide_angle_lens_their_tangents():
+    path, sheet = SHEETS["optics/fisheye"]
+
+    def angle(keys, x):
+        _, way = load(path, keys).camera.film_to_ray(x, 0.5, 480, 320)
+        return math.atan2(way[0], way[2])
+
+    wide = sheet.variants[1].keys
+    assert math.degrees(angle(wide, 1.0)) == pytest.approx(39.4, abs=0.05)
+    assert 22.0 * math.tan(angle(wide, 1.0)) == pytest.approx(18.07, abs=0.01)
+    # 10 mm and 12 mm off the middle of 25 mm.
+    for place in (10.0, 12.0):
+        assert 10.0 * angle({}, 0.5 + place / 25.0) == pytest.approx(place, rel=5e-3)
