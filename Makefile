@@ -82,12 +82,15 @@ gallery: $(INSTALLED) $(GENERATED)  ## Render the pictures in docs/gallery
 	$(VENV_PYTHON) docs/make_gallery.py
 	$(VENV_PYTHON) -m tests.hard_cases.pictures
 
-docs: $(INSTALLED)  ## Write docs/scenes.md, docs/commands.md, the tables of warnings, the tree of packages and the Python stub
+docs: $(INSTALLED_TEST)  ## Write the reference from the code, draw the diagrams, and build the site into outputs/site
 	$(VENV_PYTHON) docs/make_scenes.py
 	$(VENV_PYTHON) docs/make_commands.py
 	$(VENV_PYTHON) docs/make_warnings.py
 	$(VENV_PYTHON) docs/make_python_api.py
 	$(VENV_PYTHON) docs/make_tree.py
+	$(VENV_PYTHON) docs/make_diagrams.py
+	$(VENV_PYTHON) docs/make_pages.py
+	$(VENV_PYTHON) -m sphinx -q -W --keep-going -b html docs outputs/site
 
 scenes: $(GENERATED)  ## Make the scene files that are not in the repository
 

@@ -21,8 +21,10 @@ from raytracer.scene.overrides import parse_overrides
 from tests.repository import ROOT, SCENES, script
 
 make_gallery, street = script("docs/make_gallery.py"), script("scenes/generate/street.py")
+make_diagrams = script("docs/make_diagrams.py")
 
-LECTURE, OPTICS = ((ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("lecture.md", "lenses-gallery.md"))
+LECTURE = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "lecture").glob("*.md")))
+OPTICS = (ROOT / "docs" / "lenses-gallery.md").read_text(encoding="utf-8")
 SHEETS = {
     f"{folder}/{name}": (SCENES / folder / f"{name}.yaml", sheet)
     for folder, sheets in (("lecture", make_gallery.LECTURE), ("optics", make_gallery.OPTICS))
@@ -36,6 +38,12 @@ def test_the_gallery_shows_every_scene_and_the_page_every_sheet(folder, page):
     names = sorted(path.stem for path in (SCENES / folder).glob("*.yaml"))
     assert sorted(name.partition("/")[2] for name in SHEETS if name.startswith(folder)) == names
     assert sorted(re.findall(rf"gallery/{folder}_(\w+)\.jpg", page)) == names
+
+
+def test_pages_show_every_diagram_that_is_drawn():
+    drawn = sorted(make_diagrams.DIAGRAMS)
+    assert sorted(path.stem for path in (ROOT / "docs" / "lecture" / "diagrams").glob("*.svg")) == drawn
+    assert sorted(re.findall(r"diagrams/(\w+)\.svg", LECTURE)) == drawn
 
 
 @EVERY_SHEET

@@ -1,0 +1,25 @@
+"""Settings of the site, which `make docs` builds from Markdown by Sphinx, without a network."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+project = "rt"
+author = "the rt authors"
+extensions = ["myst_parser", "sphinx_copybutton", "mathml"]
+exclude_patterns = ["examples"]
+
+myst_enable_extensions = ["colon_fence", "dollarmath"]
+# Sections can be linked to by their headings, as on the pages of a repository.
+myst_heading_anchors = 4
+
+html_math_renderer = "mathml"
+
+html_theme = "furo"
+html_title = "rt"
+html_show_sourcelink = False
+html_copy_source = False
+
+# A browser may not read other pages of a folder by script, which summaries of what is found would take.
+html_show_search_summary = False

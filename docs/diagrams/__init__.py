@@ -1,0 +1,1 @@
+"""Diagrams of the lecture, drawn from the formulas that the program uses."""

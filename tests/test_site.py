@@ -1,0 +1,101 @@
+"""The site: it builds without a warning or a network, its links lead somewhere, and it fits into small windows."""
+
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from tests.repository import ROOT
+
+LECTURE = sorted((ROOT / "docs" / "lecture").glob("*.md"))
+PAGES = ["index", "scenes", "commands", "costs", "lecture", *(f"lecture/{path.stem}" for path in LECTURE)]
+
+
+class Page(HTMLParser):
+    """What a page links to, loads and shows."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.anchors: set[str] = set()
+        self.links: list[str] = []
+        self.loaded: list[str] = []
+        self.headings: list[int] = []
+        self.undescribed: list[str] = []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attributes: Any) -> None:
+        keys = dict(attributes)
+        self.anchors |= {keys["id"]} if keys.get("id") else set()
+        if tag == "a" and "href" in keys:
+            self.links.append(keys["href"])
+        if tag in ("link", "script", "img", "iframe"):
+            self.loaded.append(keys.get("href") or keys.get("src") or "")
+        if tag == "img" and not keys.get("alt"):
+            self.undescribed.append(keys["src"])
+        if tag in ("h1", "h2", "h3", "h4"):
+            self.headings.append(int(tag[1]))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site's folder; a warning is an error of the build."""
+    folder = tmp_path_factory.mktemp("site")
+    words = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", ROOT / "docs", folder]
+    built = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[Path, Page]:
+    return {path: Page(path) for path in site.rglob("*.html")}
+
+
+def test_every_link_within_the_site_leads_to_a_place_that_is_there(site: Path, pages: dict[Path, Page]) -> None:
+    lost = []
+    for path, page in pages.items():
+        for link in page.links:
+            parts = urlsplit(link)
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            is_there = target.exists() and (
+                not parts.fragment or target not in pages or parts.fragment in pages[target].anchors
+            )
+            if not parts.scheme and not is_there and parts.fragment != "":
+                lost.append(f"{path.relative_to(site)}: {link}")
+    assert not lost
+
+
+def test_nothing_is_fetched_from_elsewhere(pages: dict[Path, Page]) -> None:
+    assert [link for page in pages.values() for link in page.loaded if urlsplit(link).scheme not in ("", "data")] == []
+
+
+def test_pages_have_one_title_headings_in_order_and_pictures_with_words(site: Path, pages: dict[Path, Page]) -> None:
+    for name in PAGES:
+        page = pages[site / f"{name}.html"]
+        assert page.headings.count(1) == 1, name
+        assert all(after - before <= 1 for before, after in zip(page.headings, page.headings[1:], strict=False)), name
+        assert not page.undescribed, name
+
+
+@pytest.mark.parametrize("words", ["circle of confusion", "hyperfocal", "弥散圆"])
+def test_words_are_found(words: str, site: Path, open_page: Any) -> None:
+    page = open_page(site / "search.html", f"?q={words}")
+    page.wait_for_selector("ul.search li a")
+    found = page.eval_on_selector_all("ul.search li a", "links => links.map(link => link.getAttribute('href'))")
+    wanted = "glossary" if words == "弥散圆" else "11-defocus"
+    assert any(wanted in link for link in found), found
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])
+def test_pages_fit_the_window(width: int, scheme: str, site: Path, open_page: Any) -> None:
+    for name in PAGES:
+        page = open_page(site / f"{name}.html", size=(width, 800), color_scheme=scheme)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, name
+        missing = (
+            "images => images.filter(image => image.loading != 'lazy' && !image.naturalWidth).map(image => image.src)"
+        )
+        assert page.eval_on_selector_all("img", missing) == [], name
