@@ -1,5 +1,6 @@
 """Run `rt` as processes that are killed, signalled, and watched from outside."""
 
+import contextlib
 import io
 import multiprocessing
 import os
@@ -101,8 +102,12 @@ def run(words, cwd, **settings):
 
 
 def present(folder, names=OUTPUTS):
-    """Read those of these files that are there."""
-    return {name: (folder / name).read_bytes() for name in names if (folder / name).exists()}
+    """Read those of these files that are there; one may be renamed at any time."""
+    found = {}
+    for name in names:
+        with contextlib.suppress(FileNotFoundError):
+            found[name] = (folder / name).read_bytes()
+    return found
 
 
 def asides(folder):
