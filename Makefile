@@ -89,7 +89,6 @@ docs: $(INSTALLED_TEST)  ## Write the reference from the code, draw the diagrams
 	$(VENV_PYTHON) docs/make_python_api.py
 	$(VENV_PYTHON) docs/make_tree.py
 	$(VENV_PYTHON) docs/make_diagrams.py
-	$(VENV_PYTHON) docs/make_pages.py
 	$(VENV_PYTHON) -m sphinx -q -W --keep-going -b html docs outputs/site
 
 scenes: $(GENERATED)  ## Make the scene files that are not in the repository

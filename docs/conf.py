@@ -2,8 +2,11 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
+
+from make_pages import PAGES
 
 project = "rt"
 author = "the rt authors"
@@ -23,3 +26,15 @@ html_copy_source = False
 
 # A browser may not read other pages of a folder by script, which summaries of what is found would take.
 html_show_search_summary = False
+
+
+def setup(app: Any) -> None:
+    """Write the pages that can be played with beside the lecture's."""
+
+    def write(app: Any, error: Exception | None) -> None:
+        folder = Path(app.outdir) / "lecture" / "pages"
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, make in PAGES.items():
+            (folder / f"{name}.html").write_bytes(make())
+
+    app.connect("build-finished", write)

@@ -1,11 +1,8 @@
-"""Write the pages of the lecture that can be played with into docs/lecture/pages: `python docs/make_pages.py`."""
+"""Make the pages of the lecture that can be played with; the site has them beside its own (`conf.py`)."""
 
-from pathlib import Path
 from typing import Any
 
 from raytracer.report.page import page
-
-FOLDER = Path(__file__).parent / "lecture" / "pages"
 
 
 def _setting(label: str, low: float, high: float, step: float, value: float) -> dict[str, Any]:
@@ -27,6 +24,4 @@ def thin_lens() -> bytes:
     return page("thin_lens", "The thin lens", {"settings": SETTINGS})
 
 
-if __name__ == "__main__":
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    (FOLDER / "thin_lens.html").write_bytes(thin_lens())
+PAGES = {"thin_lens": thin_lens}

@@ -70,7 +70,3 @@ def test_a_button_focuses(bench: Any) -> None:
     bench.locator("#sharp").click()
     assert number(bench, "circle") < 0.3
     assert bench.evaluate("state.film") == pytest.approx(number(bench, "image"), abs=0.25)
-
-
-def test_the_page_in_the_repository_is_this_one() -> None:
-    assert (MAKE["FOLDER"] / "thin_lens.html").read_bytes() == MAKE["thin_lens"](), "run `make docs`"
