@@ -2,16 +2,15 @@
 
     python docs/make_gallery.py [NAME ...]    those alone: cover, lecture_aperture, optics_coma, ...
 
-Of a scene of scenes/lecture or scenes/optics, a picture shows several settings side by side: those of `LECTURE` and
-`OPTICS`.  `sweep` is the contact sheet of the README's sweep; `lightfield_letters` and the like, of `LIGHT_FIELDS`, are
-what is made of light fields.
+Of a scene of scenes/lecture or scenes/optics, a picture shows several settings side by side: those of
+`gallery_sheets.py`.  `sweep` is the contact sheet of the README's sweep; others are made one by one, by `MADE`.
 """
 
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +25,17 @@ from raytracer.film.light_field.layout import extract_light_field
 from raytracer.film.light_field.lf import write
 from raytracer.film.srgb import to_uint8
 from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.optics.sensor_formats import SENSORS
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+from docs.examples.lensless import reconstruct, scene_shadow  # noqa: E402
+from docs.gallery_sheets import SHEETS  # noqa: E402
+
 SCENES = ROOT / "scenes"
 GALLERY = ROOT / "docs" / "gallery"
 LONGEST_EDGE = 800
@@ -45,289 +50,6 @@ FONT_SIZE = 15
 PAPER = (255, 255, 255)
 INK = (40, 40, 40)
 QUALITIES = (92, 88, 84, 80, 75)
-
-
-class Variant(NamedTuple):
-    """A setting of a scene: what stands below its picture, and the keys that it changes, as `-D` does.
-
-    stretch : how many times as wide as recorded the picture is shown, which undoes what an anamorphic lens did.
-    """
-
-    caption: str
-    keys: Mapping[str, Any]
-    stretch: float = 1.0
-
-
-class Sheet(NamedTuple):
-    """How the settings of a scene are shown: how many in a row, each how wide and high at most (px); spp."""
-
-    columns: int
-    width: int
-    spp: int
-    variants: Sequence[Variant]
-
-
-def _one_key(key: str, captions: Mapping[str, Any]) -> list[Variant]:
-    """Settings that differ in the value of one key, by their captions."""
-    return [Variant(caption, {key: value}) for caption, value in captions.items()]
-
-
-ENGRAVED = (
-    (1.4, "1/500"), (2, "1/250"), (2.8, "1/125"), (4, "1/60"), (5.6, "1/30"), (8, "1/15"), (11, "1/8"), (16, "1/4"),
-    (22, "1/2"), (32, "1"),
-)  # fmt: skip
-"""What stands on a lens and its camera for f/2^(k/2) and 2^(k-10) s, k from 1 to 10."""
-
-LECTURE = {
-    "focal_lengths": Sheet(
-        3, 400, 128, _one_key("camera.focal_length", {f"{length} mm": length for length in (17, 24, 35, 50, 100, 200)})
-    ),
-    "dolly_zoom": Sheet(
-        3,
-        400,
-        128,
-        [
-            Variant(
-                f"{length} mm from {0.088 * length:.3g} m",
-                {"camera.focal_length": length, "camera.look_from": [0, 1.4, 0.088 * length]},
-            )
-            for length in (17, 50, 200)
-        ],
-    ),
-    "sensor_sizes": Sheet(
-        3,
-        400,
-        128,
-        [
-            *(Variant(f"{name}, 28 mm", {"camera.sensor": name}) for name in ("full_frame", "aps_c", "1-inch")),
-            *(
-                Variant(
-                    f"{name}, 75 mm equivalent",
-                    {"camera.sensor": name, "camera.focal_length": None, "camera.equivalent_focal_length": 75},
-                )
-                for name in ("full_frame", "four_thirds", "1/2.3-inch")
-            ),
-        ],
-    ),
-    "aperture": Sheet(
-        3,
-        400,
-        256,
-        [
-            Variant(f"f/{n}, {time} s", {"camera.f_number": n, "camera.shutter": time})
-            for n, time in ((1.4, "1/500"), (4, "1/60"), (22, "1/2"))
-        ],
-    ),
-    "equivalent_exposures": Sheet(
-        5,
-        240,
-        256,
-        [
-            Variant(f"f/{n}, {time} s", {"camera.f_number": 2 ** (k / 2), "camera.shutter": 2.0 ** (k - 10)})
-            for k, (n, time) in enumerate(ENGRAVED, start=1)
-        ],
-    ),
-    "shutter": Sheet(
-        2,
-        480,
-        128,
-        [
-            Variant(f"1/{rate} s, ISO {iso}", {"camera.shutter": f"1/{rate} s", "camera.iso": iso})
-            for rate, iso in ((240, 3200), (120, 1600), (60, 800), (30, 400), (15, 200), (8, 100))
-        ],
-    ),
-    "propeller": Sheet(
-        4,
-        300,
-        128,
-        [
-            Variant("all at once", {"camera.shutter.readout": 0}),
-            Variant("1/60 s, down", {"camera.shutter.readout": "1/60"}),
-            Variant("1/25 s, down", {}),
-            Variant("1/25 s, right", {"camera.shutter.direction": "right"}),
-        ],
-    ),
-    "train": Sheet(
-        2,
-        480,
-        128,
-        [
-            Variant("all at once", {"camera.shutter.readout": 0}),
-            Variant("electronic, 1/30 s down", {}),
-            Variant("electronic, 1/30 s up", {"camera.shutter.direction": "up"}),
-            Variant(
-                "focal plane, 1/250 s down",
-                {"camera.shutter.readout": "1/250", "camera.shutter.curtain": "focal_plane"},
-            ),
-        ],
-    ),
-    "iso_noise": Sheet(
-        2,
-        480,
-        512,
-        [
-            Variant(f"ISO {iso}, 1/{iso * 16 // 100} s", {"camera.iso": iso, "camera.shutter": 100 / 16 / iso})
-            for iso in (100, 1600, 6400, 25600)
-        ],
-    ),
-    "focus_breathing": Sheet(
-        3,
-        400,
-        128,
-        _one_key("camera.focus_on", {f"on the {name}": name for name in ("last ball", "green ball", "red ball")}),
-    ),
-    "bokeh": Sheet(
-        3,
-        400,
-        512,
-        [
-            Variant("round", {}),
-            Variant("six blades", {"camera.aperture_shape": {"type": "polygon", "blades": 6}}),
-            Variant(
-                "five blades, curved", {"camera.aperture_shape": {"type": "polygon", "blades": 5, "curvature": 0.5}}
-            ),
-            Variant("anamorphic", {"camera.aperture_shape": {"type": "round", "anamorphic": 2}}),
-            Variant("vignetted by a rim", {"camera.vignetting": {"diameter": 60, "distance": 90}}),
-            Variant("a mask", {"camera.aperture_shape": {"type": "image", "file": "heart.png"}}),
-        ],
-    ),
-    "frozen_drop": Sheet(
-        3,
-        400,
-        256,
-        [
-            Variant(f"flash of 1/{rate} s", {f"lights[{k}].duration": f"1/{rate} s" for k in range(2)})
-            for rate in (20000, 1000, 60)
-        ],
-    ),
-    "light_trails": Sheet(
-        3,
-        400,
-        1024,
-        [
-            Variant(f"{time} s, ISO {iso}", {"camera.shutter": f"{time} s", "camera.iso": iso})
-            for time, iso in (("1/16", 12800), ("1", 800), ("8", 100))
-        ],
-    ),
-    "pinhole": Sheet(
-        3,
-        400,
-        128,
-        [
-            Variant("hole of 6 mm, 1/80 s", {"camera.diameter": 6, "camera.shutter": 1 / 80}),
-            Variant("1 mm, 0.45 s", {"camera.diameter": 1, "camera.shutter": 0.45}),
-            Variant("0.35 mm, 3.7 s", {"camera.diameter": 0.35, "camera.shutter": 3.7}),
-        ],
-    ),
-    "no_lens": Sheet(
-        2,
-        400,
-        256,
-        [
-            Variant("no lens, 1/80000 s", {}),
-            Variant(
-                "35 mm, f/11, 1/160 s",
-                {"camera.type": "pinhole", "camera.focal_length": 35, "camera.f_number": 11, "camera.shutter": 1 / 160},
-            ),
-        ],
-    ),
-}
-
-
-OPTICS = {
-    "spherical_aberration": Sheet(
-        1,
-        720,
-        4096,
-        [
-            Variant("plano-convex singlet, f/4", {}),
-            Variant("f/8", {"camera.f_number": 8}),
-            Variant(
-                "an ideal lens, f/4",
-                {
-                    "camera": {
-                        "type": "thin_lens",
-                        "sensor": {"width": 12, "height": 2},
-                        "focal_length": 100,
-                        "f_number": 4,
-                        "focus_distance": 2,
-                    }
-                },
-            ),
-        ],
-    ),
-    "coma": Sheet(2, 480, 2048, [Variant("hyperboloid, f/2.5", {}), Variant("f/5", {"camera.f_number": 5})]),
-    "field_curvature": Sheet(
-        2,
-        480,
-        512,
-        [
-            Variant("achromat, focus 4 m away", {}),
-            Variant("focus 6 m away", {"camera.focus_distance": 6}),
-        ],
-    ),
-    "fisheye": Sheet(
-        2,
-        480,
-        256,
-        [
-            Variant("fisheye, 10 mm", {}),
-            Variant("wide-angle, 22 mm", {"camera.lens": "../lenses/wide-22mm.yaml", "camera.sensor": "full_frame"}),
-        ],
-    ),
-    "chromatic_fringes": Sheet(
-        2,
-        480,
-        1024,
-        [Variant("singlet of flint", {}), Variant("achromat", {"camera.lens": "../lenses/achromat-100mm.yaml"})],
-    ),
-    "swirly_bokeh": Sheet(
-        3,
-        400,
-        512,
-        [
-            Variant("double Gauss, f/2", {}),
-            Variant("f/4", {"camera.f_number": 4}),
-            Variant(
-                "Petzval, f/2.2",
-                {
-                    "camera.lens": "../lenses/petzval-100mm.yaml",
-                    "camera.f_number": 2.2,
-                    "camera.look_from": [0, 0.27, 1.3],
-                },
-            ),
-        ],
-    ),
-    "anamorphic_bokeh": Sheet(
-        1,
-        800,
-        512,
-        [
-            Variant("anamorphic, desqueezed 2x", {}, 2.0),
-            Variant(
-                "double Gauss",
-                {
-                    "camera.lens": "../lenses/double-gauss-50mm.yaml",
-                    "camera.sensor": {"width": 33.2, "height": 12.45},
-                    "film.width": 800,
-                },
-            ),
-        ],
-    ),
-    "flare": Sheet(
-        3,
-        400,
-        4096,
-        [
-            Variant("no reflections", {"camera.flare": False}),
-            Variant("bare glass", {"camera.dispersion": False}),
-            Variant("coated", {"camera.lens": "../lenses/double-gauss-50mm-coated.yaml"}),
-        ],
-    ),
-}
-
-SHEETS = {"lecture": LECTURE, "optics": OPTICS}
-"""Scenes of which several settings are shown, by their folders."""
 
 
 def smaller(file: Path, keys: Mapping[str, Any], width: int, height: int) -> SceneSpec:
@@ -378,7 +100,7 @@ def settings_picture(folder: str, name: str) -> None:
     wanted = SHEETS[folder][name]
     pictures = []
     for variant in wanted.variants:
-        spec = smaller(SCENES / folder / f"{name}.yaml", variant.keys, wanted.width, wanted.width)
+        spec = smaller(SCENES / folder / f"{wanted.scene or name}.yaml", variant.keys, wanted.width, wanted.width)
         pictures.append(stretched(render(spec, spp=wanted.spp).image.display(), variant.stretch))
     paper = sheet(pictures, [variant.caption for variant in wanted.variants], wanted.columns)
     save_small(paper, GALLERY / f"{folder}_{name}.jpg")
@@ -476,14 +198,65 @@ def sphere_picture() -> Image.Image:
     return Image.fromarray(seen.image.display())
 
 
-LIGHT_FIELDS: Mapping[str, Callable[[], Image.Image]] = {
-    "letters": letters_picture,
-    "dragons": dragons_picture,
-    "depth": depth_picture,
-    "microlenses": microlenses_picture,
-    "sphere": sphere_picture,
+# ---- The lecture
+
+
+def nested_sensors_picture() -> Image.Image:
+    """Draw the frames of all sensors on what the largest records through one lens."""
+    largest = max(SENSORS.values())
+    size = {"film.width": LONGEST_EDGE, "film.height": round(LONGEST_EDGE * largest[1] / largest[0])}
+    sensor = {"width": largest[0], "height": largest[1]}
+    spec = load(SCENES / "lecture" / "sensor_sizes.yaml", {**size, "camera.sensor": sensor, "camera.focal_length": 50})
+    paper = Image.fromarray(render(spec, spp=SPP).image.display())
+    draw, font = ImageDraw.Draw(paper), ImageFont.load_default(FONT_SIZE)
+    for name, (width, height) in sorted(SENSORS.items(), key=lambda item: -item[1][0]):
+        right, down = (0.5 * LONGEST_EDGE / largest[0] * edge for edge in (width, height))
+        x, y = 0.5 * paper.width, 0.5 * paper.height
+        draw.rectangle((x - right, y - down, x + right - 1, y + down - 1), outline=PAPER, width=2)
+        draw.text((x - right + 6, y - down + 4), name, PAPER, font, stroke_width=2, stroke_fill=INK)
+    return paper
+
+
+def noise_crops_picture() -> Image.Image:
+    """Enlarge a few pixels of the pictures of ISO 100 to 25600, each pixel a square."""
+    crops = []
+    variants = SHEETS["lecture"]["iso_noise"].variants
+    for variant in variants:
+        spec = load(SCENES / "lecture" / "iso_noise.yaml", dict(variant.keys))
+        part = Image.fromarray(render(spec, spp=2 * SPP).image.display()).crop((190, 150, 270, 210))
+        crops.append(np.asarray(part.resize((400, 300), Image.Resampling.NEAREST)))
+    return sheet(crops, [variant.caption for variant in variants], 2)
+
+
+def lensless_picture() -> Image.Image:
+    """A mask in place of a lens: what the sensor records, the mask, its reconstruction, and what one hole shows."""
+    file = SCENES / "lecture" / "lensless.yaml"
+    scene = load(file)
+    recorded = render(scene, spp=16 * SPP).image.radiance
+    shadow = scene_shadow(scene, file.parent)
+    hole = {"camera.aperture_shape": "round", "camera.diameter": 0.56}
+    seen = render(load(file, hole), spp=SPP).image.radiance
+    pictures = {
+        "what the sensor records": recorded,
+        "the shadow of the mask": np.repeat(shadow[..., None], 3, axis=2),
+        "reconstructed": reconstruct(recorded, shadow),
+        "a hole as wide as one square, in 480 times the time": seen,
+    }
+    panels = [to_uint8(np.maximum(picture, 0.0) / np.percentile(picture, 99.5)) for picture in pictures.values()]
+    return sheet(panels, list(pictures), 2)
+
+
+MADE: Mapping[str, Callable[[], Image.Image]] = {
+    "lecture_nested_sensors": nested_sensors_picture,
+    "lecture_noise_crops": noise_crops_picture,
+    "lecture_lensless": lensless_picture,
+    "lightfield_letters": letters_picture,
+    "lightfield_dragons": dragons_picture,
+    "lightfield_depth": depth_picture,
+    "lightfield_microlenses": microlenses_picture,
+    "lightfield_sphere": sphere_picture,
 }
-"""What makes the pictures of docs/lightfields.md."""
+"""What makes the pictures that are more than settings of a scene side by side."""
 
 
 def main() -> None:
@@ -491,14 +264,13 @@ def main() -> None:
     GALLERY.mkdir(exist_ok=True)
     plain = {file.stem: file for file in sorted(SCENES.glob("*.yaml"))}
     in_folders = [f"{folder}_{name}" for folder, sheets in SHEETS.items() for name in sheets]
-    of_light_fields = [f"lightfield_{name}" for name in LIGHT_FIELDS]
-    for name in sys.argv[1:] or [*plain, *in_folders, *of_light_fields, "sweep"]:
+    for name in sys.argv[1:] or [*plain, *in_folders, *MADE, "sweep"]:
         if name in plain:
             scene_picture(plain[name])
         elif name == "sweep":
             sweep_picture()
-        elif name in of_light_fields:
-            save_small(LIGHT_FIELDS[name.removeprefix("lightfield_")](), GALLERY / f"{name}.jpg")
+        elif name in MADE:
+            save_small(MADE[name](), GALLERY / f"{name}.jpg")
         else:
             folder, _, scene = name.partition("_")
             settings_picture(folder, scene)

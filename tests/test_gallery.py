@@ -7,7 +7,9 @@ import shlex
 import numpy as np
 import pytest
 import typer
+from PIL import Image
 from scipy.optimize import minimize_scalar
+from scipy.signal import fftconvolve
 
 from raytracer.analysis.explain import explain
 from raytracer.cli.base.app import application
@@ -21,13 +23,14 @@ from raytracer.scene.overrides import parse_overrides
 from tests.repository import ROOT, SCENES, script
 
 make_gallery, street = script("docs/make_gallery.py"), script("scenes/generate/street.py")
+coded_mask, lensless = script("scenes/generate/coded_mask.py"), script("docs/examples/lensless.py")
 make_diagrams = script("docs/make_diagrams.py")
 
 LECTURE = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "lecture").glob("*.md")))
 OPTICS = (ROOT / "docs" / "lenses-gallery.md").read_text(encoding="utf-8")
 SHEETS = {
-    f"{folder}/{name}": (SCENES / folder / f"{name}.yaml", sheet)
-    for folder, sheets in (("lecture", make_gallery.LECTURE), ("optics", make_gallery.OPTICS))
+    f"{folder}/{name}": (SCENES / folder / f"{sheet.scene or name}.yaml", sheet)
+    for folder, sheets in make_gallery.SHEETS.items()
     for name, sheet in sheets.items()
 }
 EVERY_SHEET = pytest.mark.parametrize("name", SHEETS)
@@ -35,9 +38,11 @@ EVERY_SHEET = pytest.mark.parametrize("name", SHEETS)
 
 @pytest.mark.parametrize(("folder", "page"), [("lecture", LECTURE), ("optics", OPTICS)], ids=["lecture", "optics"])
 def test_the_gallery_shows_every_scene_and_the_page_every_sheet(folder, page):
-    names = sorted(path.stem for path in (SCENES / folder).glob("*.yaml"))
-    assert sorted(name.partition("/")[2] for name in SHEETS if name.startswith(folder)) == names
-    assert sorted(re.findall(rf"gallery/{folder}_(\w+)\.jpg", page)) == names
+    scenes = {path.stem for path in (SCENES / folder).glob("*.yaml")}
+    made = {name.removeprefix(f"{folder}_") for name in make_gallery.MADE if name.startswith(folder)}
+    sheets = make_gallery.SHEETS[folder]
+    assert {sheet.scene or name for name, sheet in sheets.items()} | (made & scenes) == scenes
+    assert sorted(re.findall(rf"gallery/{folder}_(\w+)\.jpg", page)) == sorted({*sheets, *made})
 
 
 def test_pages_show_every_diagram_that_is_drawn():
@@ -84,6 +89,42 @@ def test_files_that_scripts_made_are_what_the_scripts_make():
         for name in names:
             assert (SCENES / folder / f"{name}.yaml").read_text(encoding="utf-8") == street.street(name)
     assert (SCENES / "lecture" / "splash.ply").read_bytes() == script("scenes/generate/splash.py").ply()
+    with Image.open(SCENES / "lecture" / "coded_mask.png") as picture:
+        assert (np.asarray(picture) == coded_mask.coded_mask()).all()
+
+
+def test_a_mask_repeated_is_correlated_with_itself_in_one_place_only():
+    # Gottesman and Fenimore 1989: with what is closed counted as -1, and the first square as open, the periodic
+    # correlation with the mask is a single peak.
+    mask = coded_mask.coded_mask().astype(float)
+    key = 2.0 * mask - 1.0
+    key[0, 0] = 1.0
+    correlation = np.fft.irfft2(np.fft.rfft2(mask) * np.fft.rfft2(key).conj(), mask.shape)
+    assert correlation[0, 0] == pytest.approx(mask.sum())
+    np.testing.assert_allclose(correlation.ravel()[1:], 0.0, atol=1e-9)
+
+
+def test_what_a_mask_mixed_is_told_apart():
+    file = SCENES / "lecture" / "lensless.yaml"
+    shadow = lensless.scene_shadow(load(file, {"film.width": 160, "film.height": 120}), file.parent)
+    # 31 squares of 0.5 mm, larger by 1.04, on pixels of 0.375 mm.
+    across = np.flatnonzero(shadow.sum(axis=0))
+    assert across[-1] - across[0] + 1 == pytest.approx(1.04 * 31 * 0.5 / 0.375, abs=2.0)
+    seen = np.zeros((120, 160, 3))
+    seen[50:70, 60:90, 0], seen[40:60, 80:100, 1] = 1.0, 0.5
+    mixed = fftconvolve(seen, shadow[..., None], axes=(0, 1))[60:180, 80:240]
+    assert np.corrcoef(mixed.ravel(), seen.ravel())[0, 1] < 0.7
+    assert np.corrcoef(lensless.reconstruct(mixed, shadow).ravel(), seen.ravel())[0, 1] > 0.97
+
+
+@pytest.mark.slow
+def test_a_picture_without_a_lens_is_that_of_a_hole():
+    file, size = SCENES / "lecture" / "lensless.yaml", {"film.width": 160, "film.height": 120}
+    hole = {"camera.aperture_shape": "round", "camera.diameter": 0.56}
+    scene = load(file, size)
+    recorded, seen = render(scene, spp=4096).image.radiance, render(load(file, size | hole), spp=64).image.radiance
+    told_apart = lensless.reconstruct(recorded, lensless.scene_shadow(scene, file.parent))
+    assert np.corrcoef(told_apart.ravel(), seen.ravel())[0, 1] > 0.92
 
 
 def commands():

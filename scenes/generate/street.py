@@ -15,6 +15,9 @@ MADE = """\
 # change that script.
 """
 
+SIZES = {"pinhole": "width: 400, height: 320", "hangar": "width: 800, height: 227"}
+"""Sizes of films that are not 480 x 320."""
+
 FILM = """\
 film: {width: 480, height: 320}
 render: {spp: 256, max_depth: 6}
@@ -61,6 +64,34 @@ camera:
   {type: pinhole, look_from: [0, 1.6, -6], look_at: [1.5, 3.4, -50], sensor: {width: 127 mm, height: 102 mm},
    focal_length: 90 mm, diameter: 0.35 mm, shutter: 3.7 s, iso: 100}
 """,
+    "hangar": """\
+# The largest pinhole photograph, by an aircraft hangar 16.8 m deep, with a hole of 6 mm and a canvas of 33.8 x 9.6 m.
+# Look at: everything, near and far, which is sharp.  The hole that made a picture of 127 mm hopeless is 0.2 pixels wide
+# here: what counts is the hole compared with the picture.  In a box of 90 mm the same hole draws the same view as blobs.
+# The price is time, for the hole is f/2800.
+# Change: camera.focal_length, 90 mm, with camera.sensor={width: 181.07 mm, height: 51.43 mm} and camera.shutter=11.6 ms.
+camera:
+  {type: pinhole, look_from: [0, 3.2, 4], look_at: [0, 4.4, -40], sensor: {width: 33.8 m, height: 9.6 m},
+   focal_length: 16.8 m, diameter: 6 mm, shutter: 405 s, iso: 100}
+""",
+    "pinhole_and_lens": """\
+# Pinhole beside lens: somebody in a street, through a lens, and through a small hole in its place.
+# Look at: the street behind, blurred through the lens, which is focused on one distance, and as sharp as the person
+# through the hole.  The lens gathers light over 25 mm where the hole has 0.3 mm: it needs a 7000th of the time.
+# Change: camera.type to pinhole, with camera.f_number=167 and camera.shutter=1.44 s.
+camera:
+  {type: thin_lens, look_from: [0.6, 1.5, 2.6], look_at: [0.12, 1.56, 0], sensor: full_frame, focal_length: 50 mm,
+   f_number: 2, shutter: 1/4840 s, iso: 100}
+""",
+    "hand_shake": """\
+# Hand shake: a street through a lens of 200 mm that is held in the hand.
+# Look at: the clock, sharp at 1/1000 s.  At 1/200 s, one over the focal length, the tremor shows at a second look, and
+# at 1/40 s it is a double picture.  All of the frame is blurred alike, what stands still too.
+# Change: camera.shutter, 1/1000, 1/200 and 1/40 s, and with its inverse camera.iso, 2500, 500 and 100.
+camera:
+  {type: thin_lens, look_from: [0, 1.6, 0], look_at: [0, 6, -150], sensor: full_frame, focal_length: 200 mm,
+   f_number: 22, focus_distance: 100, shutter: 1/200 s, iso: 500, shake: {amplitude: 0.2 deg, bandwidth: 8 Hz, seed: 3}}
+""",
     "no_lens": """\
 # No lens: a bare sensor in the street, and a pinhole camera at the same place.
 # Look at: nothing.  Without a lens every pixel is lit by all that lies before the sensor, so all record the same grey.
@@ -83,7 +114,7 @@ camera:
 """,
 }
 
-INHABITED = ("dolly_zoom", "sensor_sizes")
+INHABITED = ("dolly_zoom", "sensor_sizes", "pinhole_and_lens")
 
 ENVIRONMENT = """\
 environment: {type: sky, sun_elevation: 38, sun_azimuth: 145, turbidity: 3, ground_albedo: 0.2, sun: true}
@@ -202,7 +233,7 @@ def houses_and_trees() -> str:
 
 def street(name: str) -> str:
     """Return the text of a whole scene file."""
-    film = FILM.replace("width: 480, height: 320", "width: 400, height: 320") if name == "pinhole" else FILM
+    film = FILM.replace("width: 480, height: 320", SIZES.get(name, "width: 480, height: 320"))
     head, somebody = (HEADS | OPTICS)[name].partition("camera:"), name in INHABITED
     text = f"{head[0]}{MADE}{head[1]}{head[2]}{film}{ENVIRONMENT}{CLOTHES if somebody else ''}"
     return f"{text}{STREET}{houses_and_trees()}{TOWER}{PERSON if somebody else ''}"

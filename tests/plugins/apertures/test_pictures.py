@@ -14,17 +14,19 @@ from tests.small_scenes import image
 FOCUS, APERTURE = 10.0, 0.1
 
 
-def bokeh(shape, distance, *, blur, size, base=None):
+def bokeh(shape, distance, *, blur, size, base=None, pinhole=False):
     """A picture (size, size) of a light at a distance, blurred to a disc `blur` pixels wide by a round aperture.
 
-    The light is a sphere a pixel in radius; each pixel holds the fraction of its rays that meet it.
+    The light is a sphere a pixel in radius; each pixel holds the fraction of its rays that meet it.  A pinhole has its
+    film where the lens has its plane of focus.
     """
-    # Camera truths: C = A |z - F| / z on the plane of focus.
-    pixel = APERTURE * abs(distance - FOCUS) / distance / blur
+    # Camera truths: C = A |z - F| / z on the plane of focus, and A (z + f) / z on the film of a pinhole.
+    pixel = APERTURE * abs(distance + FOCUS if pinhole else distance - FOCUS) / distance / blur
     vfov = math.degrees(2.0 * math.atan(0.5 * size * pixel / FOCUS))
+    lens = f"type: pinhole, focal_length: {1e3 * FOCUS}, diameter" if pinhole else "type: thin_lens, aperture"
     picture = image(
         f"""
-camera: {{type: thin_lens, look_from: [0, 0, 0], look_at: [0, 0, {-FOCUS}], vfov: {vfov}, aperture: {1e3 * APERTURE},
+camera: {{look_from: [0, 0, 0], look_at: [0, 0, {-FOCUS}], vfov: {vfov}, {lens}: {1e3 * APERTURE},
          aperture_shape: {shape}}}
 objects:
   - {{type: sphere, center: [0, 0, {-distance}], radius: {pixel * distance / FOCUS},
@@ -45,11 +47,13 @@ LIGHT = math.pi
 """Sum of the pixels of `bokeh`: the light's own image is a disc a pixel in radius."""
 
 
-def test_a_light_beyond_the_focus_shows_the_mask_upright(tmp_path):
+@pytest.mark.parametrize("pinhole", [False, True])
+def test_a_light_shows_the_mask_upright_beyond_the_focus_and_turned_round_by_a_pinhole(pinhole, tmp_path):
     # Pixels of the mask that are 6 pixels of the picture: the mask has 5 rows of 3 and is in the middle.
     np.save(tmp_path / "letter.npy", LETTER)
     side = math.sqrt(math.pi / LETTER.sum())
-    weight = bokeh("{type: image, file: letter.npy}", 20.0, blur=12.0 / side, size=40, base=tmp_path)
+    weight = bokeh("{type: image, file: letter.npy}", 20.0, blur=12.0 / side, size=40, base=tmp_path, pinhole=pinhole)
+    weight = weight[::-1, ::-1] if pinhole else weight
     assert weight.sum() == pytest.approx(LIGHT, rel=0.02)
     # Without the border of a pixel that the light's own size blurs.
     blocks = weight[5:35, 11:29].reshape(5, 6, 3, 6)[:, 1:5, :, 1:5].mean(axis=(1, 3)) * 36.0 / LIGHT

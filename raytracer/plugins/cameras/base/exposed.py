@@ -1,4 +1,4 @@
-"""Keys of cameras with a sensor, its size and speed; and of those with a lens, its focus and opening."""
+"""Keys of cameras with a sensor, its size and speed; of those with an opening, its shape; and of those with a focus."""
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
@@ -72,7 +72,38 @@ else:
     Aperture = APERTURES.union_or_name()
 
 
-class FocusedSpec(ExposedSpec):
+class ShapedSpec(ExposedSpec):
+    """A camera whose opening, of a lens or a hole, may have any shape."""
+
+    aperture_shape: Aperture | None = Field(
+        default=None,
+        description="shape of the opening, of the same area as the round one: a type, or a mapping; round by default",
+    )
+
+    def opening(self) -> Opening:
+        return Opening(self.aperture_shape)
+
+    def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
+        shape = {} if self.aperture_shape is None else self.aperture_shape.files()
+        return super().files() | {("aperture_shape", *keys): file for keys, file in shape.items()}
+
+    def pack_shape(self, assets: Assets) -> Any:
+        """Pack the shape of the opening; None for a round one.
+
+        Raises
+        ------
+        ValidationError : an asset does not suit the shape; it points at the key that names the file.
+        """
+        shape = self.aperture_shape
+        if shape is None:
+            return None
+        try:
+            return shape.pack({key: assets[f"aperture_shape.{key}"] for key in shape.loads})
+        except ValueError as error:
+            field_error(("aperture_shape", *shape.loads), str(error))
+
+
+class FocusedSpec(ShapedSpec):
     """A camera with a lens, which is focused at a distance, on an object, or at a place in the frame."""
 
     focus_distance: PositiveLengthOrInf | None = Field(
@@ -89,10 +120,6 @@ class FocusedSpec(ExposedSpec):
         default=None,
         description="place in the frame at which what is seen is in focus: fractions of its width and height, from the "
         "top left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid",
-    )
-    aperture_shape: Aperture | None = Field(
-        default=None,
-        description="shape of the opening, of the same area as the round one: a type, or a mapping; round by default",
     )
 
     _one_focus = exclusive("focus_distance", "focus_on", "focus_at", sets="the plane of focus")
@@ -129,25 +156,3 @@ class FocusedSpec(ExposedSpec):
         focused = self.model_copy(update={"focus_distance": distance, "focus_on": None, "focus_at": None})
         focused.check_focus()
         return focused
-
-    def opening(self) -> Opening:
-        return Opening(self.aperture_shape)
-
-    def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
-        shape = {} if self.aperture_shape is None else self.aperture_shape.files()
-        return super().files() | {("aperture_shape", *keys): file for keys, file in shape.items()}
-
-    def pack_shape(self, assets: Assets) -> Any:
-        """Pack the shape of the opening; None for a round one.
-
-        Raises
-        ------
-        ValidationError : an asset does not suit the shape; it points at the key that names the file.
-        """
-        shape = self.aperture_shape
-        if shape is None:
-            return None
-        try:
-            return shape.pack({key: assets[f"aperture_shape.{key}"] for key in shape.loads})
-        except ValueError as error:
-            field_error(("aperture_shape", *shape.loads), str(error))
