@@ -7,14 +7,6 @@ const state = Object.fromEntries(Object.entries(data.settings).map(([name, setti
 const x = (millimetres) => MIDDLE.x + SCALE * millimetres;
 const y = (millimetres) => MIDDLE.y - SCALE * millimetres;
 
-/* An element of SVG. */
-function draw(tag, attributes, ...children) {
-  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  element.append(...children);
-  return element;
-}
-
 /* What follows from the settings: Gauss's equation, and the similar triangles of the circle of confusion. */
 function follow({ focal_length: f, subject, diameter, film }) {
   const image = subject === f ? Infinity : f * subject / (subject - f);
@@ -22,8 +14,6 @@ function follow({ focal_length: f, subject, diameter, film }) {
   const focus = film > f ? f * film / (film - f) : Infinity;
   return { image, magnification: image / subject, circle, focus, f_number: f / diameter };
 }
-
-const line = (name, ...points) => draw("polyline", { class: name, points: points.map((point) => point.join(",")).join(" ") });
 
 /* Put words at a place, in millimetres. */
 const words = (at, text, shift = [0, 0]) => draw("text", { x: x(at[0]) + shift[0], y: y(at[1]) + shift[1], "text-anchor": "middle" }, text);
@@ -69,19 +59,14 @@ function show() {
     words([f, 0], "F'", [0, 24]), words([-f, 0], "F", [0, 24]),
     ...handles(),
   );
-  const rows = [
-    ["image distance", `${shortNumber(facts.image)} mm`, "image"],
-    ["magnification", shortNumber(facts.magnification), "magnification"],
-    ["circle of confusion", `${shortNumber(facts.circle)} mm`, "circle"],
-    ["in focus on the film", Number.isFinite(facts.focus) ? `${shortNumber(facts.focus)} mm away` : "nothing", "focus"],
-    ["f-number", `f/${shortNumber(facts.f_number, 3)}`, "f_number"],
-  ];
-  find("#numbers").replaceChildren(table(["what follows", ""], rows.map(([name, value, key]) => [name, make("span", { id: key, "data-value": String(facts[key]) }, value)])));
-  for (const [name, setting] of Object.entries(data.settings)) {
-    const input = find(`#${name}`);
-    input.value = state[name];
-    find("output", input.parentElement).textContent = `${shortNumber(state[name])} ${setting.unit}`;
-  }
+  showNumbers([
+    ["image distance", `${shortNumber(facts.image)} mm`, "image", facts.image],
+    ["magnification", shortNumber(facts.magnification), "magnification", facts.magnification],
+    ["circle of confusion", `${shortNumber(facts.circle)} mm`, "circle", facts.circle],
+    ["in focus on the film", Number.isFinite(facts.focus) ? `${shortNumber(facts.focus)} mm away` : "nothing", "focus", facts.focus],
+    ["f-number", `f/${shortNumber(facts.f_number, 3)}`, "f_number", facts.f_number],
+  ]);
+  for (const [name, { unit }] of Object.entries(data.settings)) showSetting(name, state[name], `${shortNumber(state[name])} ${unit}`);
 }
 
 /* Places that can be dragged, each with the setting that it changes and how. */
@@ -117,9 +102,6 @@ window.addEventListener("pointermove", (event) => {
 });
 window.addEventListener("pointerup", () => { dragged = null; });
 
-for (const [name, setting] of Object.entries(data.settings)) {
-  const input = make("input", { type: "range", id: name, min: setting.low, max: setting.high, step: setting.step, oninput: () => set(name, Number(input.value)) });
-  find("#controls").append(make("label", { for: name }, setting.label, make("output"), input));
-}
+addSliders(data.settings, set);
 find("#controls").append(make("button", { type: "button", id: "sharp", onclick: () => set("film", follow(state).image) }, "Focus: put the film where the image is"));
 show();
