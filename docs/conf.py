@@ -11,7 +11,7 @@ from make_pages import PAGES
 project = "rt"
 author = "the rt authors"
 extensions = ["myst_parser", "sphinx_copybutton", "mathml"]
-exclude_patterns = ["examples"]
+exclude_patterns = ["examples", "static", "templates"]
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 # Sections can be linked to by their headings, as on the pages of a repository.
@@ -23,13 +23,16 @@ html_theme = "furo"
 html_title = "rt"
 html_show_sourcelink = False
 html_copy_source = False
+templates_path = ["templates"]
+html_static_path = ["static"]
+html_js_files = ["keyboard.js"]
 
 # A browser may not read other pages of a folder by script, which summaries of what is found would take.
 html_show_search_summary = False
 
 
 def setup(app: Any) -> None:
-    """Write the pages that can be played with beside the lecture's."""
+    """Write the pages that can be played with, and mend what the theme lacks for screen readers."""
 
     def write(app: Any, error: Exception | None) -> None:
         folder = Path(app.outdir) / "lecture" / "pages"
@@ -37,4 +40,10 @@ def setup(app: Any) -> None:
         for name, make in PAGES.items():
             (folder / f"{name}.html").write_bytes(make())
 
+    def give_levels(app: Any, pagename: str, templatename: str, context: dict[str, Any], doctree: Any) -> None:
+        """Give the headings of the theme's navigation the level that they lack."""
+        tree = context.get("furo_navigation_tree", "")
+        context["furo_navigation_tree"] = tree.replace('role="heading"', 'role="heading" aria-level="2"')
+
     app.connect("build-finished", write)
+    app.connect("html-page-context", give_levels, priority=900)

@@ -8,9 +8,11 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import pytest
+from axe_playwright_python import sync_playwright as axe
 
-from tests.repository import ROOT
+from tests.repository import ROOT, script
 
+BENCHES = script("docs/make_pages.py").PAGES
 LECTURE = sorted((ROOT / "docs" / "lecture").glob("*.md"))
 PAGES = ["index", "scenes", "commands", "costs", "lecture", *(f"lecture/{path.stem}" for path in LECTURE)]
 
@@ -88,6 +90,14 @@ def test_words_are_found(words: str, site: Path, open_page: Any) -> None:
     found = page.eval_on_selector_all("ul.search li a", "links => links.map(link => link.getAttribute('href'))")
     wanted = "glossary" if words == "弥散圆" else "11-defocus"
     assert any(wanted in link for link in found), found
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])
+def test_pages_are_without_barriers(width: int, scheme: str, site: Path, open_page: Any) -> None:
+    # Contrast, names, roles, headings, and what a keyboard can reach: the rules of axe.
+    for name in (*PAGES, "search", *(f"lecture/pages/{bench}" for bench in BENCHES)):
+        page = open_page(site / f"{name}.html", size=(width, 800), color_scheme=scheme)
+        assert axe.Axe().run(page).response["violations"] == [], name
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])

@@ -28,5 +28,5 @@ function showSetting(name, value, words) {
 
 /* Fill the table of what follows from the settings: rows of a label, words, an id, and the number behind the words. */
 function showNumbers(rows) {
-  find("#numbers").replaceChildren(table(["what follows", ""], rows.map(([label, words, id, value]) => [label, make("span", { id, "data-value": String(value) }, words)])));
+  find("#numbers").replaceChildren(table(["what follows", "value"], rows.map(([label, words, id, value]) => [label, make("span", { id, "data-value": String(value) }, words)])));
 }
