@@ -2,9 +2,6 @@
 
 import itertools
 import math
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -83,26 +80,6 @@ def test_a_number_depends_on_what_it_is_asked_for_and_on_nothing_else(name):
     whole = draw_2d(sampler, keys(sampler, 8, 8).ravel(), 16, range(4)).reshape(8, 8, 16, 4, 2)
     crop = draw_2d(sampler, keys(sampler, 2, 2, left=5, top=3).ravel(), 6, (3,), first=9).reshape(2, 2, 6, 2)
     assert np.array_equal(crop, whole[3:5, 5:7, 9:15, 3])
-
-
-_PROGRAM = """
-import sys
-from raytracer.core.sampling import SAMPLERS, pixel_key, sample_1d, sample_2d
-for name in sorted(SAMPLERS):
-    sampler = SAMPLERS[name](2**62 + 5, 7)
-    for x, y, index, dimension in ((0, 0, 0, 0), (70000, 3, 12, 9), (5, 80000, 200000, 2**20), (1, 2, 2**31 - 1, 77)):
-        key = pixel_key(sampler, x, y)
-        pair = sample_2d(sampler, key, index, dimension)
-        print(name, int(key), sample_1d(sampler, key, index, dimension).hex(), pair[0].hex(), pair[1].hex())
-"""
-
-
-def test_the_interpreter_gives_the_same_bits_without_a_warning(capsys):
-    command, environment = [sys.executable, "-W", "error", "-c", _PROGRAM], {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    interpreted = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True).stdout
-    exec(_PROGRAM, {})
-    assert len(interpreted.splitlines()) == 12
-    assert capsys.readouterr().out == interpreted
 
 
 # ---- Sobol
