@@ -51,7 +51,8 @@ def assert_sweep(lens, how, radius, steps):
 @every_way
 def test_focus_goes_from_infinity_to_the_nearest_plane(path, how):
     lens = read_lens(path)
-    for radius in stops(lens, 2):
+    # Wide open, and a hole.
+    for radius in stops(lens, 2)[::2]:
         assert_sweep(lens, how, radius, 2)
 
 

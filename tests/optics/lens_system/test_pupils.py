@@ -140,13 +140,13 @@ def test_light_does_not_depend_on_the_bounds():
 
 
 def _area(surfaces, film, pupils, radius):
-    points, area = aims(pupils, radius, 0.0, disc(40_000))
+    points, area = aims(pupils, radius, 0.0, disc(20_000))
     return area * float(transmitted_fraction(surfaces, (radius, 0.0, film), points, LINE_D).mean())
 
 
 def _brute(surfaces, film, radius):
     size = 1.6 * float(surfaces.radius.max())
-    points = disc(400_000, reach=size)
+    points = disc(200_000, reach=size)
     return math.pi * size**2 * float(transmitted_fraction(surfaces, (radius, 0.0, film), points, LINE_D).mean())
 
 
