@@ -42,7 +42,7 @@ def test_numbers_are_uniform_in_the_unit_interval(sampler):
 def test_dimensions_are_uncorrelated(sampler, draw, dimensions):
     # Hard case 47: E[u_i u_j] = 1/4 for all pairs of 64 numbers.  Stratification within a pixel only makes the estimate
     # better, so the bound is that of independent numbers.
-    numbers = draw(sampler, 2048, 16, range(dimensions)).reshape(-1, 64)
+    numbers = draw(sampler, 4096, 16, range(dimensions)).reshape(-1, 64)
     assert numbers.min() >= 0.0
     assert numbers.max() < 1.0
     products = numbers.T @ numbers / len(numbers)
