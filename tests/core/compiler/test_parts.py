@@ -1,6 +1,7 @@
 """Parts of kernels: compiled for types, and kept on disk for other kernels."""
 
 import json
+import math
 import os
 import pickle
 import subprocess
@@ -14,10 +15,11 @@ import pytest
 from numba import types
 from numba.core.errors import NumbaError
 
-from raytracer.core.compiler import part_cache
-from raytracer.core.compiler.dispatch import entry, kernel
+from raytracer.core.compiler import part_cache, parts
+from raytracer.core.compiler.dispatch import entry, kernel, optional
 from raytracer.core.compiler.kernel_files import _signed_header
 from raytracer.core.compiler.part_cache import part_key
+from raytracer.core.compiler.parts import trivial_part
 from raytracer.core.compiler.signing_key import KEY_BYTES, signing_key
 
 _PROGRAM = """
@@ -227,3 +229,91 @@ def test_what_kernels_cannot_do_is_an_error(function):
 
     with pytest.raises((NumbaError, NotImplementedError)):
         call(1.0)
+
+
+# ---- Parts that return nothing, an argument or a constant are not compiled, and mean the same
+
+NOTHING_FITS = (math.nan, -1.0, 0.5)
+
+
+@optional
+def nothing(fog, light):
+    """Do nothing."""
+
+
+@optional
+def same(fog, light):
+    return light
+
+
+@optional
+def number(fog, light):
+    """Return a number."""
+    return 1.0 / 3.0
+
+
+@optional
+def vector(fog, light):
+    return NOTHING_FITS
+
+
+@optional
+def answer(fog, light):
+    return False
+
+
+@kernel
+def told(fog, light):
+    if nothing(fog, light) is None and not answer(fog, light):
+        return same(fog, light), number(fog, light), vector(fog, light)
+    return light, 0.0, NOTHING_FITS
+
+
+def ask(fog, light):
+    return told(fog, light)
+
+
+def test_what_is_not_compiled_gives_what_python_does(tmp_path, monkeypatch):
+    # No earlier run has left its kernel here.
+    monkeypatch.setattr("raytracer.core.compiler.cache.CACHE_FOLDER", tmp_path)
+    before = parts.counts["lowered"]
+    light, third, values = entry(ask)(None, 2.0)
+    assert (light, third) == (2.0, 1.0 / 3.0)
+    assert repr(values) == repr(NOTHING_FITS)
+    # Of six functions that are called one is compiled.
+    assert parts.counts["lowered"] == before + 1
+
+
+@kernel
+def doubled(light):
+    return 2.0 * light
+
+
+def loop(light):
+    for _ in range(3):
+        light *= 2.0
+    return light
+
+
+def more(fog, light):
+    return light + 1.0
+
+
+def both(fog, light):
+    return fog, light
+
+
+def part(fog, light):
+    return light.real
+
+
+@pytest.mark.parametrize(
+    ("function", "trivial"),
+    [
+        *((function.dispatch(type(None)), True) for function in (nothing, same, number, vector, answer)),
+        *((function, False) for function in (more, both, part, doubled.__wrapped__, loop)),
+    ],
+)
+def test_functions_that_only_return_something_are_trivial_and_no_others(function, trivial):
+    arguments = (types.none, types.float64)[-function.__code__.co_argcount :]
+    assert (trivial_part(function, arguments) is not None) == trivial

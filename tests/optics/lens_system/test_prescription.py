@@ -72,19 +72,14 @@ def test_what_a_file_says_is_what_the_lens_is(tmp_path):
     assert lens.disperses()
 
 
-def test_a_coating_of_the_lens_is_on_all_surfaces_between_glass_and_air(tmp_path):
-    lens = read_lens(
-        written(tmp_path, LENS.replace("name: test", "name: test\ncoating: {type: mgf2, wavelength: 600}"))
-    )
-    coatings = [element.coating and element.coating.wavelength for element in lens.elements]
-    assert coatings == [600.0, 550.0, None, 600.0, None, 480.0]
-
-
-def test_a_surface_can_be_bare_in_a_coated_lens(tmp_path):
+@pytest.mark.parametrize(("second", "wavelength"), [("mgf2", 550.0), ("none", None)])
+def test_a_coating_of_the_lens_is_on_all_surfaces_between_glass_and_air_but_those_that_are_bare(
+    second, wavelength, tmp_path
+):
     text = LENS.replace("name: test", "name: test\ncoating: {type: mgf2, wavelength: 600}")
-    lens = read_lens(written(tmp_path, text.replace("coating: mgf2", "coating: none")))
+    lens = read_lens(written(tmp_path, text.replace("coating: mgf2", f"coating: {second}")))
     coatings = [element.coating and element.coating.wavelength for element in lens.elements]
-    assert coatings == [600.0, None, None, 600.0, None, 480.0]
+    assert coatings == [600.0, wavelength, None, 600.0, None, 480.0]
 
 
 def test_the_rim_of_glass_may_be_the_stop(tmp_path):
