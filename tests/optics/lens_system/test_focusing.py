@@ -24,7 +24,7 @@ from raytracer.scene.assets.lenses import read_lens
 from tests.optics.lens_system.kernels import DOUBLE_GAUSS
 from tests.optics.lens_system.rays import gone_through, unit
 from tests.optics.lens_system.test_first_order import lens_of, thin
-from tests.optics.lens_system.test_shipped_lenses import SHIPPED
+from tests.optics.lens_system.test_shipped_lenses import every_lens
 
 WHOLE = lens_of(DOUBLE_GAUSS)
 SINGLET = Lens("plano-convex", (Element(0.0, 5.0, constant_index_glass(1.5), 15.0), Element(-0.02, 0.0, AIR, 10.0)))
@@ -160,7 +160,6 @@ def test_places_without_light_between_two_with_some_are_no_root():
 
 # ---- The shipped lenses, from infinity to the nearest plane that they can have sharp
 
-every_lens = pytest.mark.parametrize("path", SHIPPED.values(), ids=SHIPPED)
 every_way = pytest.mark.parametrize("how", FOCUS_CRITERIA)
 
 

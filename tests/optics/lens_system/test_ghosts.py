@@ -79,6 +79,13 @@ def _estimates(lens, flare, start, wavelength, numbers, out):
         out[i, column + 1] = weight / probability if onward[0] > 0.1 else 0.0
 
 
+def estimated(lens, flare, start, wavelength, numbers):
+    """Means (4,) of what `_estimates` finds, and their standard deviations."""
+    out = np.zeros((len(numbers), 4))
+    _estimates(lens, flare, start, wavelength, numbers, out)
+    return out.mean(axis=0), out.std(axis=0) / math.sqrt(len(out))
+
+
 @entry
 def _walks(lens, start, wavelength, numbers, sampler, out, ends):
     # Every surface reflects or lets through by chance; `ends` counts where light comes out: front, rear, nowhere.
@@ -282,18 +289,17 @@ def test_light_that_takes_its_way_by_chance_brings_as_much(coated, wavelength, x
     lens, flare = flared(coated=coated, dispersion=wavelength is not None)
     start = (x, 4.0, float(lens.vertex[-1]) + 36.0)
     rng = np.random.default_rng(7)
-    found, walked = np.zeros((COUNT, 4)), np.zeros((4 * COUNT, 4))
-    ends = np.zeros(3, np.int64)
-    _estimates(lens, flare, start, wavelength, rng.random((COUNT, 4)), found)
+    found, spread = estimated(lens, flare, start, wavelength, rng.random((COUNT, 4)))
+    walked, ends = np.zeros((4 * COUNT, 4)), np.zeros(3, np.int64)
     _walks(lens, start, wavelength, rng.random((len(walked), 2)), Independent(11), walked, ends)
     # Some light comes back to the film, and most of it ends at rims.
     assert ends.sum() == len(walked)
     assert ends.min() > 0
-    error = np.hypot(found.std(axis=0) / math.sqrt(len(found)), walked.std(axis=0) / math.sqrt(len(walked)))
+    error = np.hypot(spread, walked.std(axis=0) / math.sqrt(len(walked)))
     assert walked.mean(axis=0)[2] > 0.0
-    assert (np.abs(found.mean(axis=0) - walked.mean(axis=0)) <= 4.0 * error).all()
+    assert (np.abs(found - walked.mean(axis=0)) <= 4.0 * error).all()
     # So few rays are enough to tell the ghosts to a few per cent.
-    assert error[2] < 0.1 * found.mean(axis=0)[2]
+    assert error[2] < 0.1 * found[2]
 
 
 def test_any_shares_of_the_ways_give_the_same_light():
@@ -302,12 +308,9 @@ def test_any_shares_of_the_ways_give_the_same_light():
     numbers = np.random.default_rng(8).random((COUNT, 4))
     alike = drawn._replace(cumulative=np.append(0.2, 0.2 + 0.8 * np.arange(1, 46) / 45.0))
     anywhere = drawn._replace(ellipses=np.zeros_like(drawn.ellipses))
-    means, errors = [], []
-    for flare in (drawn, alike, anywhere):
-        out = np.zeros((COUNT, 4))
-        _estimates(lens, flare, start, None, numbers, out)
-        means.append(out.mean(axis=0))
-        errors.append(out.std(axis=0) / math.sqrt(COUNT))
+    means, errors = zip(
+        *(estimated(lens, flare, start, None, numbers) for flare in (drawn, alike, anywhere)), strict=True
+    )
     for other in (1, 2):
         assert (np.abs(means[0] - means[other]) <= 4.0 * np.hypot(errors[0], errors[other])).all()
         # Drawn by strength, and aimed at where they pass, ghosts are told better by as many rays.
@@ -350,12 +353,9 @@ def test_through_a_small_stop_few_ghosts_are_aimed_in_vain():
     start = (8.0, 0.0, float(lens.vertex[-1]) + 36.0)
     numbers = np.random.default_rng(8).random((COUNT, 4))
     aimed = build_ghost_paths(lens, 21.6, 36.0)
-    means, errors = [], []
-    for flare in (aimed, aimed._replace(ellipses=np.zeros_like(aimed.ellipses))):
-        out = np.zeros((COUNT, 4))
-        _estimates(lens, flare, start, None, numbers, out)
-        means.append(out[:, 2].mean())
-        errors.append(out[:, 2].std() / math.sqrt(COUNT))
+    anywhere = aimed._replace(ellipses=np.zeros_like(aimed.ellipses))
+    found = [estimated(lens, flare, start, None, numbers) for flare in (aimed, anywhere)]
+    means, errors = np.array(found)[:, :, 2].T
     assert means[0] == pytest.approx(means[1], abs=4.0 * math.hypot(*errors))
     assert errors[0] < 0.4 * errors[1]
 

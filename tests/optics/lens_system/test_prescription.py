@@ -17,7 +17,7 @@ from raytracer.scene.assets.lenses import read_lens, read_prescription
 from raytracer.scene.json_schema import lens_schema
 from raytracer.schema.yaml_parser import parse
 from raytracer.util.errors import SceneError
-from tests.repository import SCENES
+from tests.optics.lens_system.test_shipped_lenses import every_lens
 
 LENS = """\
 name: test
@@ -205,7 +205,7 @@ def test_a_damaged_file_is_a_lens_or_a_sentence(data, tmp_path_factory):
         assert all(0.0 < element.radius < math.inf for element in found.elements)
 
 
-@pytest.mark.parametrize("path", sorted((SCENES / "lenses").glob("*.yaml")), ids=lambda path: path.stem)
+@every_lens
 def test_a_lens_is_written_as_it_was_read(tmp_path, path):
     spec = read_prescription(path)
     again = read_prescription(written(tmp_path, as_yaml(spec)))
@@ -226,7 +226,7 @@ def test_the_command_prints_the_schema(capsys):
     assert json.loads(capsys.readouterr().out) == lens_schema()
 
 
-@pytest.mark.parametrize("path", sorted((SCENES / "lenses").glob("*.yaml")), ids=lambda path: path.stem)
+@every_lens
 def test_the_shipped_lenses_conform_to_the_schema(validator, path):
     root = parse(path.read_text(encoding="utf-8"), str(path))
     validator.validate(root.plain())

@@ -16,10 +16,9 @@ from raytracer.optics.lens_system.pupils.tables import QuadrantPupilTable, Radia
 from raytracer.optics.lens_system.pupils.transmission import exit_pupil_plane, transmitted_fraction
 from raytracer.plugins.apertures.polygon import PolygonAperture
 from raytracer.scene.assets.lenses import read_lens
-from tests.repository import SCENES
+from tests.optics.lens_system.test_shipped_lenses import SHIPPED
 from tests.vectorised import rows, vectorised
 
-SHIPPED = {path.stem: path for path in sorted((SCENES / "lenses").glob("*.yaml"))}
 QUICK = ("double-gauss-50mm", "fisheye-10mm", "phone-3.7mm")
 SEEN = (380.0, 500.0, 780.0)
 

@@ -10,6 +10,7 @@ from raytracer.optics.lens_system.focusing import image_distance
 from raytracer.optics.lens_system.ray_tracing import refract
 from tests.optics.lens_system.kernels import DOUBLE_GAUSS, DOUBLET, Surface, lens_of, met, pack_surfaces, traced
 from tests.optics.lens_system.rays import crossing, unit
+from tests.vectorised import rows, vectorised
 
 AXIS = (0.0, 0.0, 1.0)
 
@@ -102,22 +103,20 @@ def test_snells_law_in_longer_numbers():
         pytest.skip("this machine has no longer numbers")
     reflected = 0
     for mu in (0.3, 1.0 / 1.5, 1.0, 1.2, 1.9):
-        for direction, normal in zip(unit(rng.normal(size=(400, 3))), unit(rng.normal(size=(400, 3))), strict=True):
-            cosine = float(direction @ normal)
-            if cosine == 0.0:
-                continue
-            found, onward = refract(tuple(direction), tuple(normal), cosine, mu)
-            d, n, m = np.asarray(direction, np.longdouble), np.asarray(normal, np.longdouble), np.longdouble(mu)
-            # Of directions that are units to rounding the truth is that of their own product.
-            square = 1 - m * m * (1 - np.longdouble(cosine) ** 2)
-            if square <= 0:
-                assert found == 0.0
-                reflected += 1
-                continue
-            expected = m * d + (np.copysign(np.sqrt(square), cosine) - m * np.longdouble(cosine)) * n
-            slack = 1e-15 * (1.0 + 1.0 / abs(found))
-            assert np.abs(np.asarray(onward) - expected).max() <= slack
-            assert slack < 1e-12 or abs(found) < 2e-3
+        directions, normals = unit(rng.normal(size=(400, 3))), unit(rng.normal(size=(400, 3)))
+        cosines = (directions * normals).sum(axis=1)
+        found, onward = vectorised(refract)(*map(rows, (directions, normals, cosines)), mu)
+        m, c = np.longdouble(mu), cosines.astype(np.longdouble)
+        # Of directions that are units to rounding the truth is that of their own product.
+        square = 1 - m * m * (1 - c * c)
+        goes = square > 0
+        assert (found[~goes] == 0.0).all()
+        reflected += (~goes).sum()
+        along = np.copysign(np.sqrt(np.maximum(square, 0)), c) - m * c
+        off = np.abs(onward - (m * directions + along[:, None] * normals)).max(axis=1)[goes]
+        slack = 1e-15 * (1.0 + 1.0 / np.abs(found[goes]))
+        assert (off <= slack).all()
+        assert ((slack < 1e-12) | (np.abs(found[goes]) < 2e-3)).all()
     assert 100 < reflected < 1500
 
 
