@@ -133,7 +133,7 @@ def test_the_whole_chain_holds_the_truth():
             samples = [fit_rate([16, 64, 256], row).samples(0.02**2) for row in mse]
             return np.stack([np.sqrt(mse[:, 2]), samples], axis=1)
 
-        error, samples = bootstrap_intervals(np.stack(columns, axis=1), quantities, seed=seed, resamples=400)
+        error, samples = bootstrap_intervals(np.stack(columns, axis=1), quantities, seed=seed, resamples=200)
         held_error += error.low <= math.sqrt(truth * (0.5 / 256 + 2.0 / 4096)) <= error.high
         held_samples += samples.low <= n <= samples.high
     assert held_error >= 34
