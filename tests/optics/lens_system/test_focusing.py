@@ -83,7 +83,7 @@ def test_a_group_that_moves_brings_planes_to_the_same_film(lens, how):
     nearest = focus_range(lens, how).nearest
     assert 100.0 < nearest < 2000.0
     shifts = []
-    for distance in (math.inf, 1e7, 30.0 * nearest, 3.0 * nearest, nearest):
+    for distance in (math.inf, 30.0 * nearest, 3.0 * nearest, nearest):
         found = focus_shift(lens, distance, how)
         assert found.film == film
         shifts.append(found.shift)
