@@ -21,6 +21,7 @@ from raytracer.core.primitives.triangles import SmoothTriangles, Triangles
 from raytracer.core.sampling import SAMPLERS, pixel_key, sample_1d, sample_2d
 from raytracer.core.vec import basis, reflect, to_world
 from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.plugins.apertures.base.vignetting import Rim
 from raytracer.plugins.apertures.image import pack_mask
 from raytracer.plugins.apertures.polygon import PolygonAperture
@@ -29,7 +30,7 @@ from raytracer.plugins.cameras.thin_lens import ThinLens
 from raytracer.plugins.environments.gradient import Gradient
 from raytracer.plugins.lights.base.interface import power_heuristic
 from raytracer.plugins.materials.base.interface import SelectorSpec
-from tests.optics.lens_system.kernels import DOUBLE_GAUSS, lens_of, traced
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS, lens_of
 from tests.optics.lens_system.test_aspheres import ASPHERES
 from tests.plugins.apertures.kernels import passed, sampled
 from tests.plugins.cameras.kernels import camera_rays
@@ -137,9 +138,11 @@ def numbers() -> dict[str, NDArray[np.float64]]:
     out["mask"] = sampled(pack_mask(np.array([[0.0, 1.0, 0.5], [2.0, 0.0, 0.25]])), u)
     out["rim"] = passed(Rim(1.0, 2.0), out["mask"], 0.3, -0.1)
     starts = np.concatenate([8.0 * u - 4.0, np.full((20, 1), -9.0)], axis=1)
-    out["lens weights"], out["lens points"], out["lens directions"] = traced(lens_of(DOUBLE_GAUSS), starts, (0, 0, 1))
+    out["lens weights"], out["lens points"], out["lens directions"] = trace_rays(
+        lens_of(DOUBLE_GAUSS), starts, (0, 0, 1)
+    )
     for name, element in ASPHERES.items():
-        out[f"{name} weights"], out[f"{name} points"], out[f"{name} directions"] = traced(
+        out[f"{name} weights"], out[f"{name} points"], out[f"{name} directions"] = trace_rays(
             Lens(name, (element,)).packed(), 0.1 * element.radius * starts, (0, 0, 1)
         )
     points = 3.0 * np.random.default_rng(2).normal(size=(20, 3))

@@ -9,7 +9,7 @@ from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.lens import Element, Lens
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.optics.lens_system.surfaces import slice_surfaces
-from tests.optics.lens_system.rays import crossing, parallel, unit
+from tests.optics.lens_system.kernels import crossing, parallel, unit
 
 GLASS = constant_index_glass(1.5)
 

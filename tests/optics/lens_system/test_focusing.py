@@ -21,8 +21,7 @@ from raytracer.optics.lens_system.lens import Element, Focus, Lens
 from raytracer.optics.lens_system.lens_setup import stop_radius_for, widest_f_number
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.scene.assets.lenses import read_lens
-from tests.optics.lens_system.kernels import DOUBLE_GAUSS
-from tests.optics.lens_system.rays import gone_through, unit
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS, gone_through, unit
 from tests.optics.lens_system.test_first_order import lens_of, thin
 from tests.optics.lens_system.test_shipped_lenses import every_lens
 

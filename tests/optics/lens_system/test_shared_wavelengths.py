@@ -36,7 +36,7 @@ from raytracer.scene.assets.lenses import read_lens
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack, pack_spectrum
 from tests.moving import pictured
-from tests.optics.lens_system.rays import Array
+from tests.optics.lens_system.kernels import Array
 from tests.optics.lens_system.test_packets import to_the_pupil, trace_in_packets
 from tests.optics.lens_system.test_shipped_lenses import every_lens
 from tests.repository import SCENES

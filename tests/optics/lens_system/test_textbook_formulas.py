@@ -8,7 +8,7 @@ import pytest
 from raytracer.optics.glass import AIR, CATALOGUE, LINE_C, LINE_D, LINE_F, constant_index_glass, glass_from_abbe
 from raytracer.optics.lens_system.lens import Element, Lens
 from raytracer.scene.assets.lenses import read_lens
-from tests.optics.lens_system.rays import backs, gone_through, parallel, unit
+from tests.optics.lens_system.kernels import backs, gone_through, parallel, unit
 from tests.optics.lens_system.test_shipped_lenses import SHIPPED, every_lens
 
 SURFACES = {
