@@ -4,12 +4,13 @@ Run as `python -m tests.unjitted FILE.npz`, which writes them.
 """
 
 import sys
+import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import entry
+from raytracer.core.compiler.dispatch import entry, kernel
 from raytracer.core.fresnel import fresnel_dielectric, refract
 from raytracer.core.geometry import Exact, spawn_point
 from raytracer.core.primitives.base.interface import hit_any
@@ -17,8 +18,10 @@ from raytracer.core.primitives.discs import Discs
 from raytracer.core.primitives.parallelograms import Parallelograms
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.core.primitives.triangles import SmoothTriangles, Triangles
+from raytracer.core.sampling import SAMPLERS, pixel_key, sample_1d, sample_2d
 from raytracer.core.vec import basis, reflect, to_world
 from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.plugins.apertures.base.vignetting import Rim
 from raytracer.plugins.apertures.image import pack_mask
 from raytracer.plugins.apertures.polygon import PolygonAperture
@@ -27,7 +30,7 @@ from raytracer.plugins.cameras.thin_lens import ThinLens
 from raytracer.plugins.environments.gradient import Gradient
 from raytracer.plugins.lights.base.interface import power_heuristic
 from raytracer.plugins.materials.base.interface import SelectorSpec
-from tests.optics.lens_system.kernels import DOUBLE_GAUSS, lens_of, traced
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS, lens_of
 from tests.optics.lens_system.test_aspheres import ASPHERES
 from tests.plugins.apertures.kernels import passed, sampled
 from tests.plugins.cameras.kernels import camera_rays
@@ -37,6 +40,7 @@ from tests.plugins.materials.test_contract import EXAMPLES, FACETS, spec_of
 from tests.plugins.shapes.kernels import pdf_of, sample
 from tests.plugins.textures.kernels import looked_up, picture, slopes, table_of
 from tests.plugins.textures.kernels import spec_of as texture_of
+from tests.vectorised import rows, vectorised
 
 _MATERIAL = np.zeros(1, np.int32)
 _CORNERS = np.array([[0, 0, 0], [1, 0.2, 0], [0.1, 1, 0.3]])
@@ -81,6 +85,23 @@ def _optics(direction, normal, out):
     out[10] = power_heuristic(0.3, 2.0)
 
 
+@kernel
+def _drawn(sampler, x, y, index, dimension):
+    key = pixel_key(sampler, x, y)
+    pair = sample_2d(sampler, key, index, dimension)
+    return float(key), sample_1d(sampler, key, index, dimension), pair[0], pair[1]
+
+
+def random_numbers() -> dict[str, NDArray[np.float64]]:
+    """A pixel's key and three numbers, by sampler; a warning is an error."""
+    asked = [(0, 0, 0, 0), (70000, 3, 12, 9), (5, 80000, 200000, 2**20), (1, 2, 2**31 - 1, 77)]
+    with warnings.catch_warnings(action="error"):
+        return {
+            name: vectorised(_drawn)(SAMPLERS[name](2**62 + 5, 7), *map(rows, np.transpose(asked)))
+            for name in sorted(SAMPLERS)
+        }
+
+
 def numbers() -> dict[str, NDArray[np.float64]]:
     """Arrays by name."""
     out: dict[str, Any] = {}
@@ -117,9 +138,11 @@ def numbers() -> dict[str, NDArray[np.float64]]:
     out["mask"] = sampled(pack_mask(np.array([[0.0, 1.0, 0.5], [2.0, 0.0, 0.25]])), u)
     out["rim"] = passed(Rim(1.0, 2.0), out["mask"], 0.3, -0.1)
     starts = np.concatenate([8.0 * u - 4.0, np.full((20, 1), -9.0)], axis=1)
-    out["lens weights"], out["lens points"], out["lens directions"] = traced(lens_of(DOUBLE_GAUSS), starts, (0, 0, 1))
+    out["lens weights"], out["lens points"], out["lens directions"] = trace_rays(
+        lens_of(DOUBLE_GAUSS), starts, (0, 0, 1)
+    )
     for name, element in ASPHERES.items():
-        out[f"{name} weights"], out[f"{name} points"], out[f"{name} directions"] = traced(
+        out[f"{name} weights"], out[f"{name} points"], out[f"{name} directions"] = trace_rays(
             Lens(name, (element,)).packed(), 0.1 * element.radius * starts, (0, 0, 1)
         )
     points = 3.0 * np.random.default_rng(2).normal(size=(20, 3))
@@ -134,7 +157,7 @@ def numbers() -> dict[str, NDArray[np.float64]]:
         out[f"{name} {parameters} colours"] = looked_up(table, points=points, uv=u)
         out[f"{name} {parameters} slopes"] = slopes(table, points=points, uv=u)
     out["sky"] = seen(Gradient().pack({}), out["pinhole directions"])
-    return out
+    return out | random_numbers()
 
 
 if __name__ == "__main__":

@@ -70,7 +70,8 @@ def vectorised(kernel: Callable[..., Any]) -> Callable[..., Any]:
 def random_draws(count: int, *, seed: int = 0, dimension: int = 8, sampler: str = "independent") -> Draws:
     """Random numbers for rows: sample after sample of one pixel."""
     chosen = SAMPLERS[sampler](seed, count if sampler != "independent" else 1)
-    return Draws(chosen, np.uint64(0x9E3779B97F4A7C15), rows(np.arange(count)), dimension)
+    # By the pixel, too: independent numbers know the seed by their pixel's key alone.
+    return Draws(chosen, np.uint64(0x9E3779B97F4A7C15 + seed), rows(np.arange(count)), dimension)
 
 
 def _numbers(example: Any) -> Iterator[Any]:

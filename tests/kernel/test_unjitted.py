@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import raytracer
-from tests.unjitted import numbers
+from tests.unjitted import numbers, random_numbers
 
 ROOT = Path(__file__).parents[2]
 
@@ -30,6 +30,8 @@ def test_interpreted_kernels_give_the_same_numbers(tmp_path):
     compiled = numbers()
     with np.load(tmp_path / "numbers.npz") as interpreted:
         assert set(interpreted.files) == set(compiled)
+        for name in random_numbers():
+            np.testing.assert_array_equal(interpreted[name], compiled[name])
         for name, values in compiled.items():
             assert not np.isnan(values).any(), name
             # Fused multiply-adds drop roundings, which the lobe of fuzzy metal enlarges at its rim.

@@ -47,9 +47,12 @@ MEASURED = [
 ]
 
 
+FIELD = TypeAdapter(IndexField)
+
+
 def complaint(value):
     with pytest.raises(ValidationError) as caught:
-        TypeAdapter(IndexField).validate_python(value)
+        FIELD.validate_python(value)
     first = caught.value.errors(include_url=False)[0]
     text = ": ".join([*map(str, first["loc"]), error_sentence(first)])
     assert "\n" not in text
@@ -183,7 +186,7 @@ anything = st.recursive(
 
 def outcome(value):
     try:
-        return TypeAdapter(IndexField).validate_python(value)
+        return FIELD.validate_python(value)
     except ValidationError as error:
         return error_sentence(error.errors(include_url=False)[0])
 

@@ -2,6 +2,7 @@
 
 import enum
 import os
+import runpy
 import subprocess
 import sys
 from typing import Any, NamedTuple
@@ -10,7 +11,7 @@ import numba
 import numpy as np
 import pytest
 
-from raytracer.core.compiler import build_entry, machine_code
+from raytracer.core.compiler import build_entry, cache, machine_code
 from raytracer.core.compiler.dispatch import entry
 from raytracer.core.compiler.machine_code import MachineCode, pack_argument, stable_text
 
@@ -165,12 +166,13 @@ print(program(rows, out), out.sum(), program.counts["loaded"], "numba" in sys.mo
 """
 
 
-def test_a_kernel_from_the_cache_needs_no_compiler(tmp_path):
-    (tmp_path / "program.py").write_text(_PROGRAM)
-    own = {"RAYTRACER_CACHE_DIR": str(tmp_path / "cache"), "RAYTRACER_KEY_DIR": str(tmp_path / "key")}
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")} | own
-    command = [sys.executable, str(tmp_path / "program.py")]
-    printed = [
-        subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout for _ in range(2)
-    ]
-    assert printed == ["5.0 72.0 0 True\n", "5.0 72.0 1 False\n"]
+def test_a_kernel_from_the_cache_needs_no_compiler(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "program.py"
+    path.write_text(_PROGRAM)
+    monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setenv("RAYTRACER_KEY_DIR", str(tmp_path / "key"))
+    monkeypatch.setattr(cache, "CACHE_FOLDER", cache._make_cache_folder())
+    runpy.run_path(str(path), run_name="__main__")
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    again = subprocess.run([sys.executable, path], capture_output=True, text=True, check=True, env=environment).stdout
+    assert [capsys.readouterr().out, again] == ["5.0 72.0 0 True\n", "5.0 72.0 1 False\n"]

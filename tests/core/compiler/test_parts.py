@@ -1,6 +1,7 @@
 """Parts of kernels: compiled for types, and kept on disk for other kernels."""
 
 import json
+import math
 import os
 import pickle
 import subprocess
@@ -14,11 +15,12 @@ import pytest
 from numba import types
 from numba.core.errors import NumbaError
 
-from raytracer.core.compiler import part_cache
-from raytracer.core.compiler.dispatch import entry, kernel
+from raytracer.core.compiler import part_cache, parts
+from raytracer.core.compiler.dispatch import entry, kernel, optional
 from raytracer.core.compiler.kernel_files import _signed_header
 from raytracer.core.compiler.part_cache import part_key
-from raytracer.core.compiler.signing_key import KEY_BYTES
+from raytracer.core.compiler.parts import trivial_part
+from raytracer.core.compiler.signing_key import KEY_BYTES, signing_key
 
 _PROGRAM = """
 import json
@@ -65,10 +67,8 @@ def test_parts_of_one_process_are_loaded_by_another(made):
     folder, (result, lowered, loaded) = made
     assert lowered > len(_CALLED)
     assert loaded == 0
-    # What these call need not be typed, nor the `max` of Numba's own.
-    assert _run(folder) == (result, 0, len(_CALLED))
-    # Another kernel that calls the same.
-    assert _run(folder, 2.0)[1] == 0
+    # For another kernel that calls the same.  What these call need not be typed, nor the `max` of Numba's own.
+    assert _run(folder, 2.0) == (pytest.approx(result), 0, len(_CALLED))
 
 
 class _Mark:
@@ -92,7 +92,11 @@ def test_damaged_and_forged_parts_are_not_run_but_compiled_again(made, tmp_path)
     assert len(parts) >= 4
     assert _run(folder) == first
     assert not (tmp_path / "mark").exists()
-    assert _run(folder)[1] == 0
+    secret = signing_key(folder / "key")
+    for path in parts:
+        header = _signed_header(path, mark, secret)
+        content = path.read_bytes()
+        assert content[: len(header)] == _signed_header(path, content[len(header) :], secret) != header
 
 
 @pytest.mark.parametrize("gone", [0, 1])
@@ -225,3 +229,91 @@ def test_what_kernels_cannot_do_is_an_error(function):
 
     with pytest.raises((NumbaError, NotImplementedError)):
         call(1.0)
+
+
+# ---- Parts that return nothing, an argument or a constant are not compiled, and mean the same
+
+NOTHING_FITS = (math.nan, -1.0, 0.5)
+
+
+@optional
+def nothing(fog, light):
+    """Do nothing."""
+
+
+@optional
+def same(fog, light):
+    return light
+
+
+@optional
+def number(fog, light):
+    """Return a number."""
+    return 1.0 / 3.0
+
+
+@optional
+def vector(fog, light):
+    return NOTHING_FITS
+
+
+@optional
+def answer(fog, light):
+    return False
+
+
+@kernel
+def told(fog, light):
+    if nothing(fog, light) is None and not answer(fog, light):
+        return same(fog, light), number(fog, light), vector(fog, light)
+    return light, 0.0, NOTHING_FITS
+
+
+def ask(fog, light):
+    return told(fog, light)
+
+
+def test_what_is_not_compiled_gives_what_python_does(tmp_path, monkeypatch):
+    # No earlier run has left its kernel here.
+    monkeypatch.setattr("raytracer.core.compiler.cache.CACHE_FOLDER", tmp_path)
+    before = parts.counts["lowered"]
+    light, third, values = entry(ask)(None, 2.0)
+    assert (light, third) == (2.0, 1.0 / 3.0)
+    assert repr(values) == repr(NOTHING_FITS)
+    # Of six functions that are called one is compiled.
+    assert parts.counts["lowered"] == before + 1
+
+
+@kernel
+def doubled(light):
+    return 2.0 * light
+
+
+def loop(light):
+    for _ in range(3):
+        light *= 2.0
+    return light
+
+
+def more(fog, light):
+    return light + 1.0
+
+
+def both(fog, light):
+    return fog, light
+
+
+def part(fog, light):
+    return light.real
+
+
+@pytest.mark.parametrize(
+    ("function", "trivial"),
+    [
+        *((function.dispatch(type(None)), True) for function in (nothing, same, number, vector, answer)),
+        *((function, False) for function in (more, both, part, doubled.__wrapped__, loop)),
+    ],
+)
+def test_functions_that_only_return_something_are_trivial_and_no_others(function, trivial):
+    arguments = (types.none, types.float64)[-function.__code__.co_argcount :]
+    assert (trivial_part(function, arguments) is not None) == trivial

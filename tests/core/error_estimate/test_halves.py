@@ -84,32 +84,43 @@ def test_the_interval_of_independent_samples_holds_the_error_of_the_picture(samp
     assert (exponents == 1.0).all()
 
 
+def _places(truth):
+    """Where each pixel has its edge: (pixels, 1)."""
+    return np.linspace(0.1, 0.9, truth[..., 0].size)[:, None]
+
+
 def _sobol_means(seed, truth, spp, integrand):
     """Running means of the sampler of renders, each pixel with an edge of its own in two dimensions, and noise."""
     height, width, _ = truth.shape
-    points = draw_2d(Sobol(seed), height * width, spp, dimensions=(0, 1, 2, 3, 4))
-    values = integrand(points, np.linspace(0.1, 0.9, height * width)[:, None])
+    points = draw_2d(Sobol(seed), height * width, spp, dimensions=(0,) if integrand is _edge else (0, 1, 2))
+    values = integrand(points, _places(truth))
     running = np.cumsum(values, axis=1) / np.arange(1, spp + 1)
     return {n: truth * running[:, n - 1].reshape(height, width, 1) for n in 2 ** np.arange(3, 12) if n <= spp}
 
 
 def _edge_and_noise(points, place):
-    """An edge in the first pair, worth N^-1.5; and a product over all pairs, worth 1/N.  The mean is about 1."""
-    edge = (points[:, :, 0, 0] + 0.5 * points[:, :, 0, 1] > place).astype(float)
+    """An edge in the first pair, worth N^-1.5; and a product over all pairs, of the mean 1, worth 1/N."""
     product = np.prod(1.0 + 0.9 * np.sign(points[..., 0] - 0.5) * np.sign(points[..., 1] - 0.5), axis=2)
-    return 0.5 + edge + 0.4 * product
+    return _edge(points, place) + product - 0.1
 
 
 def _edge(points, place):
+    """Of u, v: 0.5, and 1 more where u + v / 2 > p."""
     return 0.5 + (points[:, :, 0, 0] + 0.5 * points[:, :, 0, 1] > place)
+
+
+def _mean_of_edge(place):
+    """1.5 less the area below the edge: p^2 where it is a triangle, which p > 1/2 makes a trapezoid, p - 1/4."""
+    return 1.5 - np.where(place < 0.5, place**2, place - 0.25)
 
 
 @pytest.mark.parametrize(("integrand", "spp"), [(_edge_and_noise, 32), (_edge_and_noise, 128), (_edge, 128)])
 def test_the_interval_of_the_sampler_of_renders_holds_the_error_of_the_picture(integrand, spp):
     truth = _scene(40, 24)
-    many = np.mean([_sobol_means(1000 + i, truth, 1024, integrand)[1024] for i in range(4)], axis=0)
+    mean = _mean_of_edge(_places(truth)) + (0.9 if integrand is _edge_and_noise else 0.0)
+    reference = truth * mean.reshape(24, 40, 1)
     covered, estimates, errors, _ = _covered(
-        truth, _windows(40, 24), spp, lambda seed: _sobol_means(seed, truth, spp, integrand), many
+        truth, _windows(40, 24), spp, lambda seed: _sobol_means(seed, truth, spp, integrand), reference
     )
     assert covered >= 34
     # What noise in the weights may do grows with the error.

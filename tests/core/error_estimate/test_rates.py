@@ -61,9 +61,14 @@ def _smooth(u, v):
     return np.sin(3.0 * u + 1.0) * np.exp(v)
 
 
+@pytest.fixture(scope="module")
+def points():
+    """Points of the sampler of renders: (runs, 64, 2)."""
+    return draw_2d(Sobol(5), RUNS, 64)[:, :, 0]
+
+
 @pytest.mark.parametrize("integrand", [_edge, _smooth, lambda u, v: _edge(u, v) + _smooth(v, u)])
-def test_prefixes_of_the_sampler_of_renders(integrand):
-    points = draw_2d(Sobol(5), RUNS, 64)[:, :, 0]
+def test_prefixes_of_the_sampler_of_renders(integrand, points):
     values = integrand(points[..., 0], points[..., 1])
     grid = (np.arange(2048) + 0.5) / 2048
     measured = _prefix_variances(values - integrand(grid[:, None], grid[None]).mean())
@@ -72,8 +77,7 @@ def test_prefixes_of_the_sampler_of_renders(integrand):
         assert measured[n - 1] == pytest.approx(prefix_mse(lambda k: s2[k], n), rel=WITHIN)
 
 
-def test_halves_of_the_sampler_of_renders_differ_by_what_the_error_drops_by():
-    points = draw_2d(Sobol(6), RUNS, 64)[:, :, 0]
+def test_halves_of_the_sampler_of_renders_differ_by_what_the_error_drops_by(points):
     values = _edge(points[..., 0], points[..., 1]) + points[..., 0]
     values -= values.mean()
     for n in (4, 16, 64):

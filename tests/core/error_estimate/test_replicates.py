@@ -1,19 +1,66 @@
-"""Error and bias from replicates alone, against what was planted."""
+"""The error measure, and error and bias by it from replicates alone, against what was planted."""
+
+import math
 
 import numpy as np
 import pytest
 
+from raytracer.analysis.compare import relmse
 from raytracer.core.error_estimate.intervals import ratio_of_sums, sqrt_interval
 from raytracer.core.error_estimate.metric import (
+    FLOOR,
     brightness_by_tile,
     error_weights,
+    mean_scale,
     mse_by_tile,
     relative_error,
     squared_bias_by_tile,
     worst_pixel_share,
 )
 
-TILES, PIXELS = 60, 64
+# ---- The measure: relative, the same for any exposure, and defined for black pictures
+
+RNG = np.random.default_rng(1)
+PICTURE = RNG.random((12, 9, 3)) ** 3
+NOISY = PICTURE + 0.05 * RNG.standard_normal(PICTURE.shape)
+
+
+def test_the_measure_is_the_root_of_relmse_of_pictures_over_the_mean_of_the_reference():
+    m = PICTURE.mean()
+    assert relative_error(NOISY, PICTURE) == pytest.approx(math.sqrt(relmse(NOISY / m, PICTURE / m)), rel=1e-12)
+
+
+@pytest.mark.parametrize("exposure", [1e-5, 3.0, 1e6])
+def test_the_measure_does_not_depend_on_exposure(exposure):
+    assert relative_error(exposure * NOISY, exposure * PICTURE) == pytest.approx(relative_error(NOISY, PICTURE))
+
+
+def test_an_even_excess_is_its_own_error_but_for_the_floor():
+    grey = np.full((4, 4, 3), 0.3)
+    assert relative_error(1.02 * grey, grey) == pytest.approx(0.02 / math.sqrt(1.0 + FLOOR**2), rel=1e-12)
+
+
+def test_black_pictures_have_no_error_and_others_are_infinitely_far_from_black():
+    black = np.zeros((2, 2, 3))
+    assert relative_error(black, black) == 0.0
+    assert relative_error(PICTURE[:2, :2], black) == math.inf
+    assert not error_weights(black).any()
+
+
+def test_a_black_pixel_counts_as_a_tenth_of_the_mean():
+    picture = np.array([[[0.0, 0.0, 0.0], [2.0, 2.0, 2.0]]])
+    np.testing.assert_allclose(error_weights(picture)[0, :, 0], [100.0, 1.0 / 4.01])
+
+
+def test_the_scale_may_come_from_elsewhere():
+    np.testing.assert_allclose(error_weights(PICTURE, mean_scale(PICTURE)), error_weights(PICTURE))
+    np.testing.assert_allclose(error_weights(PICTURE, 2.0), 1.0 / (PICTURE**2 + 0.04))
+    assert mean_scale(-PICTURE) == mean_scale(PICTURE) > 0.0
+
+
+# ---- Replicates
+
+TILES, PIXELS = 60, 16
 TILE = np.repeat(np.arange(TILES), PIXELS)
 
 
@@ -53,19 +100,19 @@ def test_sums_are_over_pixels_of_the_mean_over_channels():
 
 @pytest.mark.parametrize("heavy", [False, True])
 def test_a_planted_bias_far_below_the_noise_is_found(heavy):
-    """2 % too bright, of noise of 30 %, from 9 replicates: within its interval in 34 or more of 40 seeds."""
+    """2 % too bright, of noise of 15 %, from 9 replicates: within its interval in 34 or more of 40 seeds."""
     detected, resolved = 0, 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
         truth = _picture(np.random.default_rng(100))
-        r, a = (truth + 0.3 * truth * _noise(rng, (9, *truth.shape), heavy) for _ in range(2))
+        r, a = (truth + 0.15 * truth * _noise(rng, (9, *truth.shape), heavy) for _ in range(2))
         w = error_weights(truth)
         bias = sqrt_interval(ratio_of_sums(*squared_bias_by_tile(a + 0.02 * truth, r, w, TILE), seed=seed))
         planted = relative_error(1.02 * truth, truth)
         detected += bias.low <= planted <= bias.high
         resolved += bias.low > 0.0
     assert detected >= 34
-    assert resolved <= 36  # 2 % against 30 % / sqrt(9 * 11520 / 2) of the mean square: some 2 standard deviations
+    assert resolved <= 36  # 2 % against 15 % / sqrt(9 * 2880 / 2) of the mean square: some 2 standard deviations
 
 
 def test_common_random_numbers_sharpen_the_bias():

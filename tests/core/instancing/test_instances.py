@@ -77,6 +77,7 @@ DISC = Discs(np.array([[0.2, -0.1, 0.3]]), unit([1.0, 2.0, -0.5]), np.array([0.9
 
 KINDS = ("parallelogram", "disc", "triangle", "sphere", "smooth", "flying")
 WAY = np.array([1.5, 0.5, -2.0])
+SEEN_FROM = np.array([1.4, 1.9, 1.2])
 EMITTERS = (
     flat("parallelogram", 1.0),
     DISC,
@@ -189,9 +190,10 @@ def test_several_tables_answer_by_their_place():
 @pytest.mark.parametrize("exact", [True, False])
 def test_what_accuracy_adds(exact):
     # Without it the point lies where float32 says along the ray, in the world as in the group.
-    matrix = MATRICES["stretched"]
+    matrix, table = MATRICES["stretched"], parallelograms(40, 8)
     origins, directions = rays(matrix, 5000, 7)
-    hits = cast(placed((parallelograms(40, 8),), matrix, exact=exact), origins, directions)
+    scenery = only("parallelogram", table, at=matrix) if exact else placed((table,), matrix, exact=False)
+    hits = cast(scenery, origins, directions)
     met = hits.table == 0
     along = ((hits.point[met] - origins[met]) * directions[met]).sum(axis=1)
     cosine = np.abs((hits.normal[met] * directions[met]).sum(axis=1))
@@ -293,7 +295,7 @@ def test_points_on_placed_emitters_have_their_density(kind, matrix):
     # The mean of 1 / pdf is the solid angle in view, which rays in all directions measure too; and what is drawn lies
     # on the emitter, with the density that `pdf_instance_point` gives it.
     scenery = only(kind, at=matrix)
-    reference = matrix[:3, :3] @ [1.4, 1.9, 1.2] + matrix[:3, 3]
+    reference = matrix[:3, :3] @ SEEN_FROM + matrix[:3, 3]
     u = np.random.default_rng(1).random((40_000, 2))
     points = sample_on(scenery.stage, reference, u, instance=0, table=KINDS.index(kind))
     np.testing.assert_allclose(points.pdf, points.twin, rtol=1e-9)
@@ -315,7 +317,7 @@ def test_points_on_placed_emitters_have_their_density(kind, matrix):
     # Shadow rays end before it, far from the origin, too; yet what stands a little before it is found: at 3600 m,
     # coordinates are good to 2.4e-4 m.
     far = affine(np.eye(3), [3000.0, -2000.0, 500.0]) @ matrix
-    scenery, reference = only(kind, at=far), far[:3, :3] @ [1.4, 1.9, 1.2] + far[:3, 3]
+    scenery, reference = only(kind, at=far), far[:3, :3] @ SEEN_FROM + far[:3, 3]
     points = sample_on(scenery.stage, reference, u[:20_000], instance=0, table=KINDS.index(kind))
     ways = points.point - reference
     distance = np.linalg.norm(ways, axis=1)
@@ -331,7 +333,7 @@ def test_points_on_an_emitter_that_moves_are_where_it_is():
     u = np.random.default_rng(4).random((2000, 2))
     for time in (0.0, 0.375, 1.0):
         pose = np.array([*poses(trajectory, time)[0], (0.0, 0.0, 0.0, 1.0)])
-        reference = pose[:3, :3] @ [1.4, 1.9, 1.2] + pose[:3, 3]
+        reference = pose[:3, :3] @ SEEN_FROM + pose[:3, 3]
         there = sample_on(scenery.stage, reference, u, instance=0, time=time)
         still = sample_on(only("parallelogram", at=pose).stage, reference, u, instance=0)
         np.testing.assert_allclose(there.point, still.point, rtol=0.0, atol=1e-12)

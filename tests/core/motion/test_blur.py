@@ -93,9 +93,21 @@ objects:
 """
 
 
+def frames_in(folder, *sizes):
+    """Squares with these half edges, as frames at times 0, 0.5, 1, ..."""
+    for number, size in enumerate(sizes):
+        corners = "".join(f"v {x * size} {y * size} 0\n" for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+        (folder / f"{number}.obj").write_text(f"{corners}f 1 2 3\nf 1 3 4\n")
+    return ", ".join(f"{{time: {number / 2}, file: {number}.obj}}" for number in range(len(sizes)))
+
+
 @pytest.fixture(scope="module")
-def shoot():
-    return shooter(packed_of(TURNING))
+def shoot(tmp_path_factory):
+    """Rays at what turns, and at a square of frames far beside it, so that one compiled loop serves all."""
+    folder = tmp_path_factory.mktemp("frames")
+    frames = f"[{frames_in(folder, 0.5, 1.0, 0.5)}]"
+    square = f"  - {{type: mesh, frames: {frames}, transform: [{{translate: [-50, 0, 0]}}]}}\n"
+    return shooter(packed_of(TURNING + square, base=folder))
 
 
 def random_times(count, seed):
@@ -136,6 +148,14 @@ def test_keyframes_turn_and_scale_as_by_their_formula(shoot):
     met = np.isfinite(points[:, 0])
     np.testing.assert_array_equal(met[np.abs(inside) > 1e-5], inside[np.abs(inside) > 1e-5] < 0)
     np.testing.assert_allclose(points[met], np.column_stack([origins[:, :2], 0.25 * size])[met], atol=1e-12)
+
+
+def test_frames_are_met_as_they_are_at_the_time(shoot):
+    """A square that grows from half edges of 0.5 to 1 and back."""
+    times, x = random_times(5000, 6), np.random.default_rng(7).uniform(-1.2, 1.2, (5000, 2))
+    hits = shoot(np.column_stack([x - [50.0, 0.0], np.full(5000, 5.0)]), [0, 0, -1], times=times)
+    inside = 1 - np.abs(times - 0.5) - np.abs(x).max(axis=1)
+    np.testing.assert_array_equal((hits.table >= 0)[np.abs(inside) > 1e-5], inside[np.abs(inside) > 1e-5] > 0)
 
 
 # ---- Nothing that moves
@@ -338,24 +358,6 @@ objects:
     expected = 0.5 / np.pi * (first + second)
     assert deviation[0] < 0.005 * expected
     assert value[0] == pytest.approx(expected, abs=4 * deviation[0] + 1e-3 * expected)
-
-
-def frames_in(folder, *sizes):
-    """Squares with these half edges, as frames at times 0, 0.5, 1, ..."""
-    for number, size in enumerate(sizes):
-        corners = "".join(f"v {x * size} {y * size} 0\n" for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
-        (folder / f"{number}.obj").write_text(f"{corners}f 1 2 3\nf 1 3 4\n")
-    return ", ".join(f"{{time: {number / 2}, file: {number}.obj}}" for number in range(len(sizes)))
-
-
-def test_frames_are_met_as_they_are_at_the_time(tmp_path):
-    """A square that grows from half edges of 0.5 to 1 and back."""
-    camera = "camera: {type: pinhole, look_from: [0, 0, 5], shutter: 1}"
-    text = f"{camera}\nobjects:\n  - {{type: mesh, frames: [{frames_in(tmp_path, 0.5, 1.0, 0.5)}]}}\n"
-    times, x = random_times(5000, 6), np.random.default_rng(7).uniform(-1.2, 1.2, (5000, 2))
-    hits = shooter(packed_of(text, base=tmp_path))(np.column_stack([x, np.full(5000, 5.0)]), [0, 0, -1], times=times)
-    inside = 1 - np.abs(times - 0.5) - np.abs(x).max(axis=1)
-    np.testing.assert_array_equal((hits.table >= 0)[np.abs(inside) > 1e-5], inside[np.abs(inside) > 1e-5] > 0)
 
 
 def test_frames_that_do_not_differ_in_the_shutter_are_a_mesh(tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.embree import Accel
 from raytracer.core.geometry import pad_buffer
 from raytracer.core.primitives.base.interface import areas, concatenate, geometry, group_key, reproject_at_time_any
@@ -69,7 +70,8 @@ FLAT, BENDING = len(RESTING), len(RESTING) + 1
 
 def moving_by(shift):
     """A table of each kind, and the deforming triangles, so that one compiled loop serves all tests."""
-    return tuple(translate_table(table, shift) for table in RESTING) + DEFORMING
+    # As a vector: of a single number the table could be written to, which is another type.
+    return tuple(translate_table(table, np.broadcast_to(shift, 3)) for table in RESTING) + DEFORMING
 
 
 def shooter(shift, number):
@@ -78,10 +80,16 @@ def shooter(shift, number):
     return partial(trace, Stage(tables), Accel({number: geometry(tables[number])}))
 
 
+@kernel
+def _carried(tables, number, primitive, hit):
+    # Of a module: machine code of what is made within a function is not kept on disk.
+    return reproject_at_time_any(tables, number, primitive, hit, 1.0)
+
+
 def later(number, hits):
     """Where the points that were met are at the end of the shutter's time."""
     hit = type(hits.hit)(*map(rows, map(np.nan_to_num, hits.hit)))
-    return vectorised(reproject_at_time_any)(moving_by(SHIFT), number, rows(hits.primitive), hit, 1.0)
+    return vectorised(_carried)(moving_by(SHIFT), number, rows(hits.primitive), hit)
 
 
 def sample(shift, number, reference, u, time):

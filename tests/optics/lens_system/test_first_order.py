@@ -11,8 +11,7 @@ from raytracer.optics.lens_system.lens import Element, Lens
 from raytracer.optics.lens_system.lens_setup import f_number_of, stop_radius_for, widest_f_number
 from raytracer.optics.lens_system.ray_tracing import trace_paths, trace_rays
 from raytracer.optics.lens_system.surfaces import slice_surfaces
-from tests.optics.lens_system.kernels import DOUBLE_GAUSS
-from tests.optics.lens_system.rays import unit
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS, unit
 
 F, APART = 100.0, 20.0
 STOP = Element(0.0, APART, AIR, 5.0, "stop", is_stop=True)

@@ -1,5 +1,6 @@
 """Ghosts: formulas of plates, matrices of mirrors, and paths that are sampled."""
 
+import functools
 import math
 from itertools import combinations
 
@@ -39,6 +40,7 @@ ABBE = {1.67: 47.1, 1.699: 30.1, 1.603: 38.0, 1.658: 57.3, 1.717: 48.0}
 COUNT = 1 << 17
 
 
+@functools.cache
 def double_gauss(*, coated=False, dispersion=False):
     """The f/2 lens, its surfaces towards air coated or bare."""
     elements, before = [], 1.0
@@ -49,6 +51,13 @@ def double_gauss(*, coated=False, dispersion=False):
         elements.append(Element(curvature, thickness, glass, aperture, coating=coating, is_stop=radius == 0.0))
         before = index
     return Lens("", tuple(elements)).packed(dispersion=dispersion, coatings=coated)
+
+
+@functools.cache
+def flared(**options):
+    """That lens, and the ways of its light to a film of full frame."""
+    lens = double_gauss(**options)
+    return lens, build_ghost_paths(lens, 21.6, 36.0)
 
 
 @entry
@@ -68,6 +77,13 @@ def _estimates(lens, flare, start, wavelength, numbers, out):
         column = 0 if first < 0 else 2
         out[i, column] = weight / probability
         out[i, column + 1] = weight / probability if onward[0] > 0.1 else 0.0
+
+
+def estimated(lens, flare, start, wavelength, numbers):
+    """Means (4,) of what `_estimates` finds, and their standard deviations."""
+    out = np.zeros((len(numbers), 4))
+    _estimates(lens, flare, start, wavelength, numbers, out)
+    return out.mean(axis=0), out.std(axis=0) / math.sqrt(len(out))
 
 
 @entry
@@ -117,9 +133,10 @@ def aimed(flare, pair, x, y, numbers):
     return vectorised(aim_ghost_ray)(flare, pair, x, y, *map(rows, numbers.T)).T
 
 
-def aims(count):
-    """Places of the unit disc and a number for each of so many rays (n, 3)."""
-    numbers = np.random.default_rng(9).random((count, 3))
+@functools.cache
+def aims():
+    """Places of the unit disc and a number for each of many rays (n, 3)."""
+    numbers = np.random.default_rng(9).random((COUNT, 3))
     numbers[:, :2] = vectorised(sample_disc)(*map(rows, numbers[:, :2].T))
     return numbers
 
@@ -240,8 +257,7 @@ def test_ghosts_near_the_axis_go_where_matrices_send_them():
 
 
 def test_ways_are_drawn_as_often_as_is_said():
-    lens = double_gauss()
-    flare = build_ghost_paths(lens, 21.6, 36.0)
+    _, flare = flared()
     # All pairs of the ten surfaces with glass; the stop has none.
     pairs = [pair for pair in combinations(range(11), 2) if 5 not in pair]
     assert list(zip(flare.first, flare.last, strict=True)) == pairs
@@ -270,37 +286,31 @@ def test_what_does_not_reflect_has_no_ghosts():
 
 @pytest.mark.parametrize(("coated", "wavelength", "x"), [(False, None, 0.0), (False, None, 15.0), (True, 450.0, 8.0)])
 def test_light_that_takes_its_way_by_chance_brings_as_much(coated, wavelength, x):
-    lens = double_gauss(coated=coated, dispersion=wavelength is not None)
+    lens, flare = flared(coated=coated, dispersion=wavelength is not None)
     start = (x, 4.0, float(lens.vertex[-1]) + 36.0)
     rng = np.random.default_rng(7)
-    flare = build_ghost_paths(lens, 21.6, 36.0)
-    found, walked = np.zeros((COUNT, 4)), np.zeros((4 * COUNT, 4))
-    ends = np.zeros(3, np.int64)
-    _estimates(lens, flare, start, wavelength, rng.random((COUNT, 4)), found)
+    found, spread = estimated(lens, flare, start, wavelength, rng.random((COUNT, 4)))
+    walked, ends = np.zeros((4 * COUNT, 4)), np.zeros(3, np.int64)
     _walks(lens, start, wavelength, rng.random((len(walked), 2)), Independent(11), walked, ends)
     # Some light comes back to the film, and most of it ends at rims.
     assert ends.sum() == len(walked)
     assert ends.min() > 0
-    error = np.hypot(found.std(axis=0) / math.sqrt(len(found)), walked.std(axis=0) / math.sqrt(len(walked)))
+    error = np.hypot(spread, walked.std(axis=0) / math.sqrt(len(walked)))
     assert walked.mean(axis=0)[2] > 0.0
-    assert (np.abs(found.mean(axis=0) - walked.mean(axis=0)) <= 4.0 * error).all()
+    assert (np.abs(found - walked.mean(axis=0)) <= 4.0 * error).all()
     # So few rays are enough to tell the ghosts to a few per cent.
-    assert error[2] < 0.1 * found.mean(axis=0)[2]
+    assert error[2] < 0.1 * found[2]
 
 
 def test_any_shares_of_the_ways_give_the_same_light():
-    lens = double_gauss()
+    lens, drawn = flared()
     start = (8.0, 0.0, float(lens.vertex[-1]) + 36.0)
     numbers = np.random.default_rng(8).random((COUNT, 4))
-    drawn = build_ghost_paths(lens, 21.6, 36.0)
     alike = drawn._replace(cumulative=np.append(0.2, 0.2 + 0.8 * np.arange(1, 46) / 45.0))
     anywhere = drawn._replace(ellipses=np.zeros_like(drawn.ellipses))
-    means, errors = [], []
-    for flare in (drawn, alike, anywhere):
-        out = np.zeros((COUNT, 4))
-        _estimates(lens, flare, start, None, numbers, out)
-        means.append(out.mean(axis=0))
-        errors.append(out.std(axis=0) / math.sqrt(COUNT))
+    means, errors = zip(
+        *(estimated(lens, flare, start, None, numbers) for flare in (drawn, alike, anywhere)), strict=True
+    )
     for other in (1, 2):
         assert (np.abs(means[0] - means[other]) <= 4.0 * np.hypot(errors[0], errors[other])).all()
         # Drawn by strength, and aimed at where they pass, ghosts are told better by as many rays.
@@ -314,16 +324,15 @@ def test_ghosts_of_many_surfaces_are_aimed_anywhere():
     assert len(flare.first) == 780
     assert flare.cumulative[-1] == 1.0
     assert (np.diff(flare.cumulative) >= 0.2499 / 780.0).all()
-    _, _, area = aimed(flare, 77, 3.0, 4.0, aims(100))
+    _, _, area = aimed(flare, 77, 3.0, 4.0, aims()[:100])
     np.testing.assert_allclose(area, math.pi * 12.0**2, rtol=1e-12)
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0), (9.0, -12.0), (-21.0, 0.0)])
 def test_ghosts_are_aimed_with_the_density_that_is_said(place):
     # Areas over the density are areas: of the surface, and of its half to one side.
-    lens = double_gauss()
-    flare = build_ghost_paths(lens, 21.6, 36.0)
-    numbers = aims(COUNT)
+    _, flare = flared()
+    numbers = aims()
     for pair in range(0, len(flare.first), 7):
         right, up, area = aimed(flare, pair, *place, numbers)
         on = np.hypot(right, up) <= flare.reach
@@ -344,12 +353,9 @@ def test_through_a_small_stop_few_ghosts_are_aimed_in_vain():
     start = (8.0, 0.0, float(lens.vertex[-1]) + 36.0)
     numbers = np.random.default_rng(8).random((COUNT, 4))
     aimed = build_ghost_paths(lens, 21.6, 36.0)
-    means, errors = [], []
-    for flare in (aimed, aimed._replace(ellipses=np.zeros_like(aimed.ellipses))):
-        out = np.zeros((COUNT, 4))
-        _estimates(lens, flare, start, None, numbers, out)
-        means.append(out[:, 2].mean())
-        errors.append(out[:, 2].std() / math.sqrt(COUNT))
+    anywhere = aimed._replace(ellipses=np.zeros_like(aimed.ellipses))
+    found = [estimated(lens, flare, start, None, numbers) for flare in (aimed, anywhere)]
+    means, errors = np.array(found)[:, :, 2].T
     assert means[0] == pytest.approx(means[1], abs=4.0 * math.hypot(*errors))
     assert errors[0] < 0.4 * errors[1]
 

@@ -99,15 +99,6 @@ def test_a_table_of_pbrt(tmp_path):
     assert cardinal_points(lens.packed()).focal_length == pytest.approx(50.0, rel=0.01)
 
 
-def test_a_table_with_the_way_before_each_surface_is_the_same_lens(tmp_path):
-    rows = [line.partition("#")[0].split() for line in TABLE.splitlines()[3:]]
-    before = ["0", *(row[1] for row in rows[:-1])]
-    shifted = [" ".join([row[0], gap, *row[2:]]) for row, gap in zip(rows, before, strict=True)]
-    text = "# Double Gauss f/2\n# radius axpos N aperture\n" + "\n".join(shifted) + "\n"
-    lens = read_lens(written(tmp_path, "unscaled.dat", text))
-    assert lens.elements == read_lens(written(tmp_path, "dgauss.dat", TABLE)).elements
-
-
 def test_a_radius_of_0_between_two_media_is_flat_glass(tmp_path):
     lens = read_lens(written(tmp_path, "flat.dat", "0 5 1.5 25\n-50 1 1 25\n0 2 1 20\n0 3 1.6 20\n40 0 1 20\n"))
     assert [element.kind for element in lens.elements] == ["flat", "spherical", "stop", "flat", "spherical"]
@@ -254,8 +245,8 @@ def test_a_pipe_is_not_waited_for(tmp_path, name):
 
 
 def test_any_number_of_lines_of_fields_is_read_in_its_time(tmp_path):
-    # Each line once copied all fields before it: these took an hour.
-    text = COOKE.replace("YFLN", "XFLN 1\n" * 200_000 + "YFLN")
+    # Each line once copied all fields before it: these took a quarter of an hour.
+    text = COOKE.replace("YFLN", "XFLN 1\n" * 100_000 + "YFLN")
     assert import_lens(written(tmp_path, "fields.zmx", text)) == import_lens(written(tmp_path, "cooke.zmx", COOKE))
 
 

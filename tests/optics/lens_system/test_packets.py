@@ -14,9 +14,7 @@ from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.plugins.apertures.polygon import PolygonAperture
 from raytracer.scene.assets.lenses import read_lens
 from tests.optics.lens_system.test_aspheres import ASPHERES
-from tests.repository import SCENES
-
-SHIPPED = sorted((SCENES / "lenses").glob("*.yaml"))
+from tests.optics.lens_system.test_shipped_lenses import SHIPPED, every_lens
 
 
 @entry
@@ -58,7 +56,7 @@ def to_the_pupil(lens, packed, count):
     return starts, ways / np.linalg.norm(ways, axis=1)[:, None]
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@every_lens
 def test_packets_go_as_single_rays_through_shipped_lenses(path):
     lens = read_lens(path)
     packed = lens.packed(dispersion=True)
@@ -80,8 +78,7 @@ def test_packets_meet_surfaces_of_all_shapes_as_single_rays_do(name):
 
 @pytest.mark.parametrize("aperture", [PolygonAperture(blades=5), PolygonAperture(blades=6, curvature=0.5)])
 def test_packets_know_the_shape_of_the_diaphragm(aperture):
-    (path,) = [path for path in SHIPPED if path.stem == "double-gauss-50mm"]
-    lens = read_lens(path)
+    lens = read_lens(SHIPPED["double-gauss-50mm"])
     shaped = lens.packed(stop_radius=4.0, diaphragm=aperture.pack({}))
     assert_alike(shaped, *to_the_pupil(lens, lens.packed(stop_radius=4.0), 4096), lit=0.2)
 

@@ -17,7 +17,7 @@ from raytracer.scene.assets.lenses import read_lens, read_prescription
 from raytracer.scene.json_schema import lens_schema
 from raytracer.schema.yaml_parser import parse
 from raytracer.util.errors import SceneError
-from tests.repository import SCENES
+from tests.optics.lens_system.test_shipped_lenses import every_lens
 
 LENS = """\
 name: test
@@ -72,19 +72,14 @@ def test_what_a_file_says_is_what_the_lens_is(tmp_path):
     assert lens.disperses()
 
 
-def test_a_coating_of_the_lens_is_on_all_surfaces_between_glass_and_air(tmp_path):
-    lens = read_lens(
-        written(tmp_path, LENS.replace("name: test", "name: test\ncoating: {type: mgf2, wavelength: 600}"))
-    )
-    coatings = [element.coating and element.coating.wavelength for element in lens.elements]
-    assert coatings == [600.0, 550.0, None, 600.0, None, 480.0]
-
-
-def test_a_surface_can_be_bare_in_a_coated_lens(tmp_path):
+@pytest.mark.parametrize(("second", "wavelength"), [("mgf2", 550.0), ("none", None)])
+def test_a_coating_of_the_lens_is_on_all_surfaces_between_glass_and_air_but_those_that_are_bare(
+    second, wavelength, tmp_path
+):
     text = LENS.replace("name: test", "name: test\ncoating: {type: mgf2, wavelength: 600}")
-    lens = read_lens(written(tmp_path, text.replace("coating: mgf2", "coating: none")))
+    lens = read_lens(written(tmp_path, text.replace("coating: mgf2", f"coating: {second}")))
     coatings = [element.coating and element.coating.wavelength for element in lens.elements]
-    assert coatings == [600.0, None, None, 600.0, None, 480.0]
+    assert coatings == [600.0, wavelength, None, 600.0, None, 480.0]
 
 
 def test_the_rim_of_glass_may_be_the_stop(tmp_path):
@@ -210,7 +205,7 @@ def test_a_damaged_file_is_a_lens_or_a_sentence(data, tmp_path_factory):
         assert all(0.0 < element.radius < math.inf for element in found.elements)
 
 
-@pytest.mark.parametrize("path", sorted((SCENES / "lenses").glob("*.yaml")), ids=lambda path: path.stem)
+@every_lens
 def test_a_lens_is_written_as_it_was_read(tmp_path, path):
     spec = read_prescription(path)
     again = read_prescription(written(tmp_path, as_yaml(spec)))
@@ -231,7 +226,7 @@ def test_the_command_prints_the_schema(capsys):
     assert json.loads(capsys.readouterr().out) == lens_schema()
 
 
-@pytest.mark.parametrize("path", sorted((SCENES / "lenses").glob("*.yaml")), ids=lambda path: path.stem)
+@every_lens
 def test_the_shipped_lenses_conform_to_the_schema(validator, path):
     root = parse(path.read_text(encoding="utf-8"), str(path))
     validator.validate(root.plain())

@@ -36,8 +36,9 @@ from raytracer.scene.assets.lenses import read_lens
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack, pack_spectrum
 from tests.moving import pictured
-from tests.optics.lens_system.rays import Array
+from tests.optics.lens_system.kernels import Array
 from tests.optics.lens_system.test_packets import to_the_pupil, trace_in_packets
+from tests.optics.lens_system.test_shipped_lenses import every_lens
 from tests.repository import SCENES
 
 LENSES = SCENES / "lenses"
@@ -166,7 +167,7 @@ def test_a_ray_of_the_same_wavelength_comes_back_to_where_it_began(name):
     np.testing.assert_allclose(others[ORIGIN : ORIGIN + 2, lit], began[:, lit], rtol=0.0, atol=1e-10)
 
 
-@pytest.mark.parametrize("path", sorted(LENSES.glob("*.yaml")), ids=lambda path: path.stem)
+@every_lens
 def test_through_a_turned_lens_rays_go_as_to_the_film(path):
     lens = read_lens(path)
     packed = lens.packed(dispersion=True)

@@ -8,14 +8,8 @@ import pytest
 from raytracer.optics.glass import AIR, CATALOGUE, LINE_C, LINE_D, LINE_F, constant_index_glass, glass_from_abbe
 from raytracer.optics.lens_system.lens import Element, Lens
 from raytracer.scene.assets.lenses import read_lens
-from tests.optics.lens_system.rays import backs, gone_through, parallel, unit
-from tests.repository import SCENES
-
-SHIPPED = sorted((SCENES / "lenses").glob("*.yaml"))
-
-
-every_lens = pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-
+from tests.optics.lens_system.kernels import backs, gone_through, parallel, unit
+from tests.optics.lens_system.test_shipped_lenses import SHIPPED, every_lens
 
 SURFACES = {
     "flat": Element(0.0, 0.0, constant_index_glass(1.7), 9.0, "flat"),
@@ -144,7 +138,7 @@ def test_the_achromat_brings_two_colours_together():
 
     They meet in one zone; nearer to the axis and farther out they part, by spherochromatism, one way and the other.
     """
-    lens = read_lens(SCENES / "lenses" / "achromat-100mm.yaml")
+    lens = read_lens(SHIPPED["achromat-100mm"])
     f = lens_lengths(lens)[0]
     rim = 0.5 * f / 4.0
     heights = np.array([1e-3, math.sqrt(0.5) * rim, rim])
@@ -216,7 +210,7 @@ def test_the_plano_convex_singlet():
 
 def test_lenses_are_their_mirror_images_turned_round():
     """A focal length in air is the same from both sides, and so are rays near the axis, for every shipped lens."""
-    for path in SHIPPED:
+    for path in SHIPPED.values():
         lens = read_lens(path)
         if not lens.is_round():
             continue

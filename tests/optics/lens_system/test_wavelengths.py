@@ -8,7 +8,7 @@ from raytracer.optics.lens_system.coatings import Coating, Coatings
 from raytracer.optics.lens_system.lens import FIRST_WAVELENGTH, LAST_WAVELENGTH, STEP, Element, Lens
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.plugins.apertures.polygon import PolygonAperture
-from tests.optics.lens_system.rays import unit
+from tests.optics.lens_system.kernels import unit
 from tests.optics.lens_system.test_first_order import STOP, thin
 
 
