@@ -44,9 +44,12 @@ def test_integers_come_as_they_are_stored():
     np.testing.assert_array_equal(image.texels[0], [[10, 20, 30], [200, 210, 220]])
 
 
-@pytest.mark.parametrize(("names", "channels"), [("RGB", 3), ("RGBA", 4), ("Y", 1), ("Z", 1)])
-def test_exr_channels_in_their_order(names, channels):
-    values = np.random.default_rng(2).random((4, 6, channels)).astype(np.float32)
+@pytest.mark.parametrize(
+    ("names", "dtype"),
+    [("RGB", np.float32), ("RGBA", np.float32), ("Y", np.float32), ("Z", np.float32), ("Y", np.float16)],
+)
+def test_exr_channels_in_their_order(names, dtype):
+    values = np.random.default_rng(2).random((4, 6, len(names))).astype(dtype)
     buffer = io.BytesIO()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {name: np.ascontiguousarray(values[..., i]) for i, name in enumerate(names)}).write(buffer)
