@@ -24,6 +24,7 @@ from raytracer.scene.spec import SceneSpec
 from raytracer.schema.validation_errors import error_sentence
 from raytracer.util import atomic_write
 from tests.cli.test_render import SCENE as BALL
+from tests.fuzz.targets._parts import npy
 from tests.scene.gltf_files import gltf_text
 
 SCENE = """\
@@ -51,12 +52,6 @@ surfaces:
   - {type: spherical, radius: 50, thickness: 5, material: N-BK7, aperture: 20}
   - {type: spherical, radius: -50, aperture: 20}
 """
-
-
-def npy(array):
-    buffer = io.BytesIO()
-    np.save(buffer, np.asarray(array), allow_pickle=True)
-    return buffer.getvalue()
 
 
 def exr(values, *names):

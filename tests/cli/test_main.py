@@ -129,12 +129,12 @@ def printed_to(request, monkeypatch):
     """Run `rt --version`, which prints to a file that takes nothing; returns the exit status and what it says."""
     monkeypatch.setenv("PYTHONUNBUFFERED", request.param)
 
-    def printed_to(file):
+    def print_to(file):
         with open(file, "w") as stdout:
             done = run(MAIN, "--version", stdout=stdout)
         return done.returncode, done.stderr
 
-    return printed_to
+    return print_to
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
