@@ -24,6 +24,8 @@ from raytracer.scene.spec import SceneSpec
 from raytracer.schema.validation_errors import error_sentence
 from raytracer.util import atomic_write
 from tests.cli.test_render import SCENE as BALL
+from tests.fuzz.targets._parts import npy
+from tests.scene.gltf_files import gltf_text
 
 SCENE = """\
 camera: {look_from: [0, 0, 4], look_at: [0, 0, 0], up: [0, 1, 0], type: thin_lens, vfov: 40}
@@ -52,12 +54,6 @@ surfaces:
 """
 
 
-def npy(array):
-    buffer = io.BytesIO()
-    np.save(buffer, np.asarray(array), allow_pickle=True)
-    return buffer.getvalue()
-
-
 def exr(values, *names):
     buffer = io.BytesIO()
     channels = {name: np.resize(np.array(values, np.float32), (2, 2)) for name in names}
@@ -81,6 +77,9 @@ FILES = {
     "uv.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 nan\nf 1/1 2/1 3/1\n",
     "picture.ply": b"GIF89a\0\0",
     "list.gltf": "[]",
+    "materials.gltf": gltf_text(
+        meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}], materials={"a": 1}
+    ),
     "a.gif": b"GIF89a\0\0",
     "glass.yaml": GLASS,
     "gauss.dat": "50 5 1.5 10\n-50 90 1 10\n",

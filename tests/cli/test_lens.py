@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from raytracer.analysis.lens_design import page
+from raytracer.cli import lens as command_of
 from raytracer.scene.assets.lenses import read_lens
-from tests.analysis.lens_design.benches import SHIPPED
+from tests.analysis.lens_design.benches import QUICK, SHIPPED
 
 LENSES = {path.stem: str(path) for path in SHIPPED}
 GAUSS = LENSES["double-gauss-50mm"]
@@ -53,7 +55,16 @@ def _lines(text):
 
 
 @pytest.fixture
-def singlet(here):
+def coarse(monkeypatch):
+    """Study lenses by few rays, and draw the first group of charts alone."""
+    fit, groups = command_of._fit_settings, page.chart_groups
+    few = {name: getattr(QUICK, name) for name in ("steps", "rays", "fields")}
+    monkeypatch.setattr(command_of, "_fit_settings", lambda *given: fit(*given)._replace(**few))
+    monkeypatch.setattr(page, "chart_groups", lambda study: groups(study)[:1])
+
+
+@pytest.fixture
+def singlet(here, coarse):
     (here / "singlet.yaml").write_text(SINGLET)
     (here / "gauss.dat").write_text(DAT)
 
@@ -73,7 +84,7 @@ def test_files_of_all_kinds_beside_a_summary(singlet, rt):
     assert not list(Path().glob("**/.*.tmp"))
 
 
-def test_json_is_all_of_the_output(rt):
+def test_json_is_all_of_the_output(coarse, rt):
     arguments = "--f-number 4 --focus-distance 2m --sensor aps_c --wavelengths '550, f ,656.3nm'"
     found = json.loads(rt(f"lens {GAUSS} {arguments} --json").out)
     assert found["settings"]["focus_distance_mm"] == 2000.0
@@ -94,7 +105,7 @@ def test_a_small_lens_is_seen_on_a_small_film(rt):
 
 def test_the_f_number_that_is_engraved_is_wide_open(rt, refused):
     """The double Gauss is called f/2, and opens to f/2.004."""
-    assert json.loads(rt(f"lens distortion {GAUSS} --f-number 2 --json").out)["f_number"] is None
+    assert json.loads(rt(f"lens distortion {GAUSS} --width 90 --f-number 2 --json").out)["f_number"] is None
     assert "the lens opens to f/2.00" in refused(f"lens distortion {GAUSS} --f-number 1.9")
 
 

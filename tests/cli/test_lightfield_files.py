@@ -10,6 +10,7 @@ import pytest
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Plane, Views
+from tests.lightfield.test_capturing import SCENE as ARRAY
 
 SCENE = """\
 camera: {type: CAMERA, look_from: [0, 0, 5], look_at: [0, 0, 0], vfov: 40KEYS}
@@ -87,15 +88,14 @@ def test_what_is_too_bright_is_said(here, rt):
 
 
 def test_a_render_is_a_light_field(here, rt):
-    array = SCENE.replace("CAMERA", "camera_array").replace("KEYS", ", rows: 2, columns: 3, spacing: 0.1")
-    Path("array.yaml").write_text(array)
-    rt("render array.yaml -o a.lf -o a.npy --aov depth --quiet")
+    Path("array.yaml").write_text(ARRAY.format(camera="", film=""))
+    rt("render array.yaml -o a.lf -o a.npy --aov samples --spp 4 --quiet")
     found, picture = lf.open("a.lf"), np.load("a.npy")
-    for r in range(2):
-        for c in range(3):
-            part = picture[9 * r : 9 * r + 9, 12 * c : 12 * c + 12]
+    for r in range(3):
+        for c in range(4):
+            part = picture[20 * r : 20 * r + 20, 24 * c : 24 * c + 24]
             assert np.array_equal(found.radiance[r, c], part.astype(np.float32))
-    assert found.layers["depth"].shape == (2, 3, 9, 12)
+    assert np.array_equal(found.layers["samples"], np.full((3, 4, 20, 24), 4))
     assert found.settings["camera"] == "camera_array"
 
 

@@ -17,6 +17,7 @@ from raytracer.core.error_estimate.fireflies import find_fireflies
 from raytracer.film import Image, load, load_layers
 from raytracer.rendering import diagnostics
 from raytracer.rendering.diagnostics import SamplePacket
+from raytracer.rendering.options import OPTIONS
 from raytracer.rendering.progress import FIRST_COMPILATION, CompileBar
 from raytracer.rendering.session import Rendered
 from raytracer.rendering.statistics import Stats
@@ -81,6 +82,12 @@ def test_overrides_reach_the_render(scene, rt):
     assert image[0, 0, 0] == 0.5
     rt("render ball.yaml -q -o a.npy --preview -D film.width=960 -D film.height=640 -D render.max_depth=1")
     assert np.load("a.npy").shape == (320, 480, 3)
+
+
+def test_help_lists_the_options_in_the_order_of_their_record(rt):
+    text = " ".join(rt("render --help").out.split())
+    places = [text.find(" ".join(option.help.split())) for option in OPTIONS.values()]
+    assert sorted({-1, *places}) == [-1, *places]
 
 
 def test_stats(scene, rt):

@@ -7,6 +7,9 @@ import sys
 
 import pytest
 
+from raytracer.core.compiler.compile_progress import COMPILATION
+from raytracer.rendering import render
+from raytracer.rendering.options import RenderOptions
 from tests.repository import ROOT
 
 SCENE = (
@@ -42,6 +45,13 @@ def rt_alone(tmp_path):
 
 _FIRST = "rt: this combination of effects is compiled for the first time"
 
+_SEVERAL = """
+import sys
+from raytracer.cli.base.app import main
+for command in " ".join(sys.argv[1:]).split(";"):
+    assert main(command.split()) == 0
+"""
+
 _IMPORTED = """
 import sys
 from raytracer.cli.main import main
@@ -68,11 +78,10 @@ _SCENES_OWN = {
 }
 
 
-def test_what_was_warmed_is_rendered_without_the_compiler(rt_alone, tmp_path):
-    first = rt_alone("warm a.yaml a.yaml").stdout.splitlines()
-    assert first[0].startswith("a.yaml: compiled in ")
-    assert first[1:] == ["a.yaml: was in the cache"]
-    assert f"folder   {tmp_path / 'cache'}\nkernels  1\nparts    " in rt_alone("cache").stdout
+def test_what_was_rendered_is_warm_and_is_rendered_without_the_compiler(rt_alone, tmp_path):
+    cold = rt_alone("render a.yaml -o a.npy --spp 2").stderr.splitlines()
+    assert cold[0].startswith(_FIRST)
+    assert " s in all, " in cold[1]
 
     # A package or a kind more is time in each start: these lists grow for a reason, or not at all.
     done = rt_alone("render a.yaml -o a.npy --spp 1", program=_IMPORTED)
@@ -88,16 +97,30 @@ def test_what_was_warmed_is_rendered_without_the_compiler(rt_alone, tmp_path):
     assert {name.split(".")[2] for name in modules if name.startswith("raytracer.cli.")} == {"base", "main", "render"}
     assert not [name for name in modules if name.startswith("raytracer.optics.lens_system.importers")]
 
-    # One that records depth is another kernel.
-    cold = rt_alone("render a.yaml --aov depth -o a.exr --spp 2").stderr.splitlines()
-    assert cold[0].startswith(_FIRST)
-    assert " s in all, " in cold[1]
-    assert rt_alone("warm a.yaml --aov depth -D render.spp=3").stdout == "a.yaml: was in the cache\n"
-    assert json.loads(rt_alone("cache --json").stdout)["kernels"] == 2
-    cleared = rt_alone("cache --clear")
-    assert cleared.stdout == ""
-    assert "removed 2 kernels" in cleared.stderr
-    assert "kernels  0\nparts    0\nsize     0.0 MB\noldest   -\n" in rt_alone("cache").stdout
+    done = rt_alone("warm a.yaml -D render.spp=3; cache; cache --json; cache --clear; cache", program=_SEVERAL)
+    kept, brace, described = done.stdout.partition("{")
+    folder = f"folder   {tmp_path / 'cache'}\n"
+    assert kept.startswith(f"a.yaml: was in the cache\n{folder}kernels  1\nparts    ")
+    numbers, end = json.JSONDecoder().raw_decode(brace + described)
+    assert numbers["kernels"] == 1
+    assert "removed 1 kernel" in done.stderr
+    assert described[end - 1 :] == f"\n{folder}kernels  0\nparts    0\nsize     0.0 MB\noldest   -\n"
+
+
+def test_what_is_warmed_is_what_renders_prepare(here, rt, monkeypatch):
+    (here / "a.yaml").write_text(SCENE)
+    prepared = []
+
+    def prepare(spec, wanted):
+        kernel = (spec.film.filter.type, wanted)
+        monkeypatch.setattr(COMPILATION, "count", COMPILATION.count + (kernel not in prepared))
+        prepared.append(kernel)
+
+    monkeypatch.setattr(render, "prepare_scene", prepare)
+    first, second = rt("warm a.yaml a.yaml -D film.filter=box --aov depth --denoise").out.splitlines()
+    assert first.startswith("a.yaml: compiled in ")
+    assert second == "a.yaml: was in the cache"
+    assert prepared == [("box", RenderOptions(aovs=("depth",), denoise=True))] * 2
 
 
 def test_where_kernels_cannot_be_kept_nothing_is_warmed(rt_alone, tmp_path):

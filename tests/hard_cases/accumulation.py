@@ -123,7 +123,7 @@ def drift_of_a_pixel(spp):
     Naive: a running sum in float32.  The exact mean is that of the very samples, which are taken once more.
     The tolerance is that of equal samples, above: 1.4e-11 of a million.
     """
-    spec = scene(_ROOM, width=16, height=16)
+    spec = scene(_ROOM, lit=True, width=16, height=16)
     spec = spec.model_copy(update={"render": spec.render.model_copy(update={"spp": spp, "seed": 3})})
     image = render(spec, threads=1, crop=(10, 7, 11, 8)).image
     values = np.concatenate([packet.values for packet in _again(pack(spec))(10, 7, spp)])
@@ -242,7 +242,7 @@ def samples_that_are_no_numbers(spp):
     Naive: one such sample is enough to lose a pixel.  Here they are dropped, counted, and the first of them named, so
     that its path can be looked at; what others bring stays.
     """
-    spec = scene(_ROOM, width=16, height=16, spp=spp)
+    spec = scene(_ROOM, lit=True, width=16, height=16, spp=spp)
     plain = render(spec, threads=2).image.radiance
     with patch(
         "raytracer.rendering.render.pack", lambda *given, **named: poisoned(pack(*given, **named), "lambertian")

@@ -251,7 +251,7 @@ def glass_on_a_floor(spp):
     300 vertices has a weight of 1, to an ulp.
     """
     cubes = [_GLASS.format(lowest=lowest) for lowest in (0.0, -1e-3)]
-    standing, sunk = (image(cube, width=8, height=8, spp=spp, max_depth=300).radiance for cube in cubes)
+    standing, sunk = (image(cube, lit=True, width=8, height=8, spp=spp, max_depth=300).radiance for cube in cubes)
     counts = [len(_told(pack(scene(cube)), "surfaces that coincide")) for cube in cubes]
     what = "light that is lost (naive: exactly on the floor)"
     yield what, 1.0 - standing.mean(), 1.0 - sunk, 600.0 * ROUNDING

@@ -35,12 +35,12 @@ def shutter_of_no_length(_):
     as what rests, so that there is no time at all.
     """
     moving = ", motion: {velocity: [3, 0, 0], spin: {axis: [0, 0, 1], rate: 90}}"
-    still = image(_STILL.format("", ""), spp=8).radiance
+    still = image(_STILL.format("", ""), lit=True, spp=8).radiance
     opens = closes = 0.0
     naive = (np.random.default_rng(29).uniform(opens, closes, still.shape[:2]) - opens) / np.float64(closes - opens)
     yield "pixels that differ", np.isnan(naive), 0
     for shutter in (", shutter: 0", ", shutter: {open: 0, close: 0}", ", shutter: 0, motion: {velocity: [1, 0, 0]}"):
-        found = image(_STILL.format(shutter, moving), spp=8).radiance
+        found = image(_STILL.format(shutter, moving), lit=True, spp=8).radiance
         yield "pixels that differ", 0, (found != still).any(axis=-1)
 
 

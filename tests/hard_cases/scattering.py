@@ -156,10 +156,8 @@ objects:
   - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 1}}
 """
 
-# Within the ball no environment is seen: this one makes the scene one of the type of others.
 HALF = """
 camera: {type: pinhole, look_from: [0, 0.5, 0.8], look_at: [0, 3, 0.8], up: [0, 0, 1], vfov: 20}
-environment: {type: constant, radiance: 1.0e-12}
 objects:
   - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 1}}
   - {type: sphere, center: [0, 0, 0], radius: 0.7071067811865476, material: {type: emitter, radiance: 1}}
@@ -188,11 +186,11 @@ def furnaces(runs):
     counted from the camera, to the rounding of n sums.
     """
     lost = _lost_by_self_hits()
-    ball = image(BALL, spp=64, max_depth=8)
+    ball = image(BALL, lit=True, spp=64, max_depth=8)
     yield "white ball in radiance 1, less 1", lost, ball.radiance - 1.0, 1e-12
     yield "variance of the white ball", lost * (1.0 - lost), ball.variance, 1e-24
     for depth in (3, 6)[:runs]:
-        value, deviation = mean(image(HALF, spp=256, max_depth=depth))
+        value, deviation = mean(image(HALF, lit=True, spp=256, max_depth=depth))
         errors = (0.5 * (1.0 - 0.5 ** (depth - 2)), value - (1.0 - 0.5 ** (depth - 1)))
         yield f"lamp and wall, {depth} segments", *errors, 4.5 * deviation.max()
     for depth in (2, 5, 30)[: runs - 1]:

@@ -254,7 +254,7 @@ def test_what_was_not_used_for_longest_goes(monkeypatch):
 
 def test_kernels_that_there_were_are_not_counted():
     cache = RenderCache()
-    spec = scene(_SPHERE)
+    spec = scene(_SPHERE, lit=True)
     prepare_scene(spec)
     prepare_scene(spec, cache=cache)
     assert cache.counts == (0, 1, 1, 0)
@@ -272,7 +272,7 @@ objects:
 
 def test_pictures_from_a_cache_have_the_bits_of_others():
     cache = RenderCache()
-    first = scene(_SPHERE)
+    first = scene(_SPHERE, lit=True)
     for overrides in ({"camera.vfov": 30}, {"objects.0.radius": 0.5}, {"camera.vfov": 25}, {}):
         spec = apply_overrides(first, overrides)
         shared = render(spec, spp=8, threads=2, cache=cache).image
@@ -281,7 +281,7 @@ def test_pictures_from_a_cache_have_the_bits_of_others():
 
 
 def test_what_is_ready_may_be_rendered_again():
-    spec = scene(_SPHERE)
+    spec = scene(_SPHERE, lit=True)
     prepared = prepare_scene(spec, RenderOptions(spp=8, threads=2))
     one, other = render_prepared(prepared), render_prepared(prepared)
     assert np.array_equal(one.image.radiance, other.image.radiance)
@@ -292,7 +292,7 @@ def test_what_is_ready_may_be_rendered_again():
 
 def test_the_picture_of_a_dry_run_is_not_overwritten():
     kept = []
-    spec = scene(_SPHERE)
+    spec = scene(_SPHERE, lit=True)
 
     def save(image):
         kept.extend([image, image.radiance.copy()])

@@ -137,12 +137,16 @@ class _FailsafeStream:
             self._stream.flush()
 
     def settle(self) -> None:
-        """Discard output that could not be written, so that the interpreter does not fail when it exits."""
+        """Discard output that could not be written."""
         try:
             self._stream.flush()
         except OSError:
-            null = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(null, self._stream.fileno())
+            _discard(self._stream)
+
+
+def _discard(stream: TextIO) -> None:
+    """Discard output that could not be written, so that the interpreter does not fail when it exits."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _run(arguments: Sequence[str] | None, began: float) -> int:
@@ -154,7 +158,11 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
         status = app(arguments, prog_name="rt", standalone_mode=False, obj=call)
         if status == _TYPERS_INTERRUPTED:
             raise KeyboardInterrupt
-        sys.stdout.flush()
+        try:
+            sys.stdout.flush()
+        except OSError:
+            _discard(sys.stdout)
+            raise
     except TyperException as error:
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "rt"
@@ -171,6 +179,9 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
         return _fail(WATCH.status, "interrupted")
     except MemoryError:
         return _fail(FAILED, "out of memory", unexpected=True)
+    except BrokenPipeError:
+        # Whoever reads has seen enough; Typer says nothing either where a command finds that out.
+        return FAILED
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         return _fail(FAILED, f"{place}{error.strerror or error}", unexpected=True)

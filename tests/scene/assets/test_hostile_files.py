@@ -71,6 +71,10 @@ def npy(header, numbers=b""):
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode() + numbers
 
 
+def npy_of(shape, numbers=b""):
+    return npy(f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}", numbers)
+
+
 def png(width, height, data):
     chunks = (
         (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
@@ -129,15 +133,9 @@ CLAIMS = {
     "tile.exr": (tiled(16_384), "has tiles of 16384 x 16384 for 6 x 4 pixels"),
     "wide.exr": (exr(2**31 - 2, 0), "broken"),
     "large.hdr": (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 30000 +X 30000\n" + bytes(100), "at most 268,435,456"),
-    "trillion.npy": (npy("{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 1000000, 3), }"), "cut off"),
-    "overflow.npy": (
-        npy("{'descr': '<f4', 'fortran_order': False, 'shape': (4611686018427387904, 4, 4), }"),
-        "cut off",
-    ),
-    "negative.npy": (
-        npy("{'descr': '<f4', 'fortran_order': False, 'shape': (-4, -4, 3), }", bytes(96)),
-        "none|cut off",
-    ),
+    "trillion.npy": (npy_of((10**6, 10**6, 3)), "cut off"),
+    "overflow.npy": (npy_of((2**62, 4, 4)), "cut off"),
+    "negative.npy": (npy_of((-4, -4, 3), bytes(96)), "none|cut off"),
     "header.npy": (b"\x93NUMPY\x02\x00" + struct.pack("<I", 4 * 10**9) + b"{" * 100, "cut off"),
     "brackets.npy": (npy("(" * 900), "broken"),
     "minuses.npy": (npy("-" * 9000 + "1"), "broken"),

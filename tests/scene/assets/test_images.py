@@ -10,6 +10,7 @@ import pytest
 from raytracer.film import srgb
 from raytracer.film.formats import hdr
 from raytracer.scene.assets.images import decode_image
+from tests.fuzz.targets._parts import npy
 
 BYTES = np.random.default_rng(1).integers(0, 256, (3, 5, 4), dtype=np.uint8)
 
@@ -20,10 +21,8 @@ def encoded(texels):
     return buffer.getvalue()
 
 
-def npy(array):
-    buffer = io.BytesIO()
-    np.save(buffer, array)
-    return decode_image(buffer.getvalue(), ".npy")
+def decoded(array):
+    return decode_image(npy(array), ".npy")
 
 
 def test_integers_come_as_they_are_stored():
@@ -44,14 +43,17 @@ def test_integers_come_as_they_are_stored():
     np.testing.assert_array_equal(image.texels[0], [[10, 20, 30], [200, 210, 220]])
 
 
-@pytest.mark.parametrize(("names", "channels"), [("RGB", 3), ("RGBA", 4), ("Y", 1), ("Z", 1)])
-def test_exr_channels_in_their_order(names, channels):
-    values = np.random.default_rng(2).random((4, 6, channels)).astype(np.float32)
+@pytest.mark.parametrize(
+    ("names", "dtype"),
+    [("RGB", np.float32), ("RGBA", np.float32), ("Y", np.float32), ("Z", np.float32), ("Y", np.float16)],
+)
+def test_exr_channels_in_their_order(names, dtype):
+    values = np.random.default_rng(2).random((4, 6, len(names))).astype(dtype)
     buffer = io.BytesIO()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {name: np.ascontiguousarray(values[..., i]) for i, name in enumerate(names)}).write(buffer)
     image = decode_image(buffer.getvalue(), ".exr")
-    assert not image.integer
+    assert (image.integer, image.texels.dtype) == (False, np.float32)
     np.testing.assert_array_equal(image.texels, values)
 
 
@@ -60,10 +62,10 @@ def test_hdr_and_npy():
     image = decode_image(hdr.encode(values, {}), ".hdr")
     np.testing.assert_allclose(image.texels, values, atol=values.max() / 256)
     for array, channels in ((values, 3), (values[..., 0], 1), (values[..., :2], 2)):
-        assert not npy(array).integer
-        np.testing.assert_array_equal(npy(array).texels, array.reshape(4, 9, channels).astype(np.float32))
+        assert not decoded(array).integer
+        np.testing.assert_array_equal(decoded(array).texels, array.reshape(4, 9, channels).astype(np.float32))
     for dtype, expected in ((np.uint8, 255), (np.uint16, np.float32(255 / 65535))):
-        image = npy(np.array([[0, 255]], dtype))
+        image = decoded(np.array([[0, 255]], dtype))
         assert image.integer
         assert image.texels[0, 1, 0] == expected
 

@@ -8,7 +8,8 @@ import pytest
 
 from raytracer.scene.pack.scene import pack
 from raytracer.util.errors import SceneError
-from tests.small_scenes import image, scene
+from tests.plugins.cameras.kernels import camera_rays
+from tests.small_scenes import scene
 
 LENS = "type: thin_lens, look_from: [0, 0, 0], look_at: [0, 0, -1]"
 FULL_FRAME = "sensor: {width: 36 mm, height: 24 mm}, focal_length: 50 mm, f_number: 2"
@@ -160,34 +161,35 @@ def test_what_cannot_be_focused_on_is_an_error_of_its_key(camera, item, words):
 
 # ---- What is sharp
 
-# Three lamps side by side, each of a third of the frame's width at its distance, the right half of which it fills.
+# Three boards side by side, each of a third of the frame's width at its distance, the right half of which it fills.
 DISTANCES = {"near": 1.5, "middle": 3.0, "far": 9.0}
 
 
-def edges(focused):
-    """The width in pixels, by name, over which the left edge of each lamp goes from dark to bright."""
+def blurs(focused):
+    """The width in pixels, by name, of the disc that each board's left edge, in the middle of its third, becomes."""
     third = 2.0 * math.tan(math.radians(20.0)) * 1.5 / 3.0
-    lamps = []
+    boards = []
     for number, (name, distance) in enumerate(DISTANCES.items()):
         left, width, height = (number - 1) * third * distance, third * distance / 2.0, 0.6 * distance
-        lamps.append(
-            f"  - {{type: quad, name: {name}, corner: [{left!r}, {-height / 2!r}, {-distance}], "
-            f"edges: [[{width!r}, 0, 0], [0, {height!r}, 0]], material: {{type: emitter, radiance: 1}}}}\n"
+        boards.append(
+            f"type: quad, name: {name}, corner: [{left!r}, {-height / 2!r}, {-distance}], "
+            f"edges: [[{width!r}, 0, 0], [0, {height!r}, 0]]"
         )
-    camera = f"{LENS}, vfov: 40, aperture: 200 mm, {focused}"
-    text = f"camera: {{{camera}}}\nobjects:\n{''.join(lamps)}"
-    row = image(text, width=144, height=96, spp=256, max_depth=1).radiance[40:56, :, 0].mean(axis=0)
-    # The edge lies in the middle of each third; 1 over the steepest step is the width of a linear edge.
-    return {name: 1.0 / np.diff(row[48 * i + 4 : 48 * i + 44]).max() for i, name in enumerate(DISTANCES)}
+    camera = packed(f"vfov: 40, aperture: 200 mm, {focused}", *boards, width=144, height=96).scene.camera
+    widths = {}
+    for number, (name, distance) in enumerate(DISTANCES.items()):
+        origins, ways = camera_rays(camera, np.full(512, 24.0 + 48.0 * number), 48.0)
+        met = origins + (-distance - origins[:, 2:]) / ways[:, 2:] * ways
+        np.testing.assert_allclose(met[:, 0].mean(), (number - 1) * third * distance, atol=0.02)
+        widths[name] = np.ptp(met[:, 0]) / (third * distance / 48.0)
+    return widths
 
 
 @pytest.mark.parametrize("name", list(DISTANCES))
 def test_what_is_focused_on_is_the_sharpest(name):
-    by_name = edges(f"focus_on: {name}")
     x = (list(DISTANCES).index(name) + 0.75) / 3.0
-    by_place = edges(f"focus_at: [{x!r}, 0.5]")
-    for widths in (by_name, by_place):
-        assert min(widths, key=widths.__getitem__) == name
-        # No wider than the filter's pixel; and what is out of focus is blurred by pixels.
-        assert widths[name] < 1.3
-        assert all(width > 2.0 for other, width in widths.items() if other != name)
+    for focused in (f"focus_on: {name}", f"focus_at: [{x!r}, 0.5]"):
+        widths = blurs(focused)
+        assert widths.pop(name) < 1e-4
+        # What is out of focus is blurred by pixels.
+        assert min(widths.values()) > 2.0

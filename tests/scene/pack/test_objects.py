@@ -275,7 +275,7 @@ TURN = "transform: [{rotate: {axis: [0, 1, 0], angle: 25}}]"
 
 def test_placed_looks_as_baked():
     # The same numbers drawn, the same hits to float64: the same picture but for paths that graze an edge.
-    baked = image(CAMERA + "objects:\n" + GROUND + BAKED.replace("TURN", TURN), spp=32)
+    baked = image(CAMERA + "objects:\n" + GROUND + BAKED.replace("TURN", TURN), lit=True, spp=32)
     placed = image(CAMERA + PLACED.replace("TURN", TURN) + GROUND, spp=32)
     difference = np.abs(placed.radiance - baked.radiance).max(axis=2)
     assert np.median(difference) < 1e-9
