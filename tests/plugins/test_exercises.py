@@ -30,7 +30,8 @@ CAMERAS = {
 MOVING = """{type: axonometric, look_from: [4, 4, 4], look_at: [0, 0, 0], height: 5, medium: smoke,
   shutter: 1/8 s, shake: {amplitude: 0 deg, bandwidth: 10 Hz}, motion: {velocity: [1, 0, 0]}}"""
 
-# Two small spheres stand for the ends of an edge along each axis; a floor fills the picture.  Far off is the moon.
+# Two small spheres stand for the ends of an edge along each axis; a box fills the picture.  Aside is the moon, and a
+# speck of smoke: what nothing is made of would be another type.
 SCENE = """
 film: {{width: 48, height: 40}}
 render: {{spp: 1, max_depth: 2}}
@@ -46,7 +47,8 @@ objects:
   - {{type: sphere, name: x, center: [1, 0, 0], radius: 0.1, material: plaster}}
   - {{type: sphere, name: y, center: [0, 1, 0], radius: 0.1, material: plaster}}
   - {{type: sphere, name: z, center: [0, 0, 1], radius: 0.1, material: plaster}}
-  - {{type: sphere, center: [99, 0, 0], radius: 1, material: plaster}}
+  - {{type: sphere, center: [0, -9, 0], radius: 0.01, medium: smoke}}
+  - {{type: sphere, center: [9, 0, 0], radius: 1, material: plaster}}
 environment: {{type: constant, radiance: {environment}}}
 camera: {camera}
 """
@@ -91,7 +93,7 @@ explained("moving", moving)
 for time in (0.0, 1.0):
     rays = camera_rays(pack_camera(moving.camera, 48, 40), np.array([7.0, 30.0]), np.array([9.0, 20.5]), time)
     out["rays at " + str(time)] = np.concatenate(rays, axis=1)
-far = "{{type: axonometric, look_from: [99, 0, 3], look_at: [99, 0, 0], height: 2}}"
+far = "{{type: axonometric, look_from: [9, 0, 3], look_at: [9, 0, 0], height: 2}}"
 draw("moon", scene(far, 1e-30, **{{"film.width": {moon}, "film.height": {moon}, "render.spp": 64}}))
 
 kind = MATERIALS.specs()["oren_nayar"]
