@@ -12,7 +12,7 @@ from tests.plugins.apertures.test_apertures import CASES, COUNT, LETTER, POLYGON
 SHAPES = [*CASES, pytest.param({"type": "round"}, id="disc")]
 
 
-def grid(half, count=1200):
+def grid(half, count=900):
     """Points (count^2, 2), one in each of the squares that a square of this half width is cut into."""
     corners = np.indices((count, count)).reshape(2, -1).T
     return half * (2.0 * (corners + uniform(count * count, seed=4)) / count - 1.0)

@@ -44,7 +44,9 @@ def scatter_row(
     return out.direction, out.weight, out.pdf
 
 
-def evaluate_many(spec: Spec, direction: Any, outgoing: Array, *, front: Any = True, normal: Any = UP) -> tuple[Any, Any]:
+def evaluate_many(
+    spec: Spec, direction: Any, outgoing: Array, *, front: Any = True, normal: Any = UP
+) -> tuple[Any, Any]:
     """f |cos| (n, 3) and pdf (n,) of `evaluate` toward directions (n, 3); the rest may be one for all, or (n,)."""
     return evaluate_row(packed_row(spec), direction, outgoing, front=front, normal=normal)
 
