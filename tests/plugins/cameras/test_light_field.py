@@ -30,6 +30,7 @@ THIN = {
     "focus_distance": FOCUS,
 }
 
+FOCUSED = {"arrangement": "focused"}
 ARRAYS = {
     "plenoptic": {"pixels": 15},
     "plenoptic, mismatched": {"pixels": 12, "distance": "0.3 mm", "focal_length": "0.5 mm"},
@@ -38,10 +39,10 @@ ARRAYS = {
         "pitch": "200 um",
         "layout": "hexagonal",
         "rotation": -3,
-        "arrangement": "focused",
+        **FOCUSED,
         "focal_length": "0.7 mm",
     },
-    "focused before the image": {"count": 20, "arrangement": "focused", "focal_length": "1.4 mm"},
+    "focused before the image": {"count": 20, **FOCUSED, "focal_length": "1.4 mm"},
     "pinholes": {"pixels": 10, "model": "pinhole"},
 }
 

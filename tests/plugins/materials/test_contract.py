@@ -139,20 +139,12 @@ def cells(axis, lowest, rows, columns, fine):
     else:
         cosine = lowest + (1.0 - lowest) * s * s
         area_s = 0.5 * weights / rows * 2.0 * (1.0 - lowest) * s
-    area_phi = np.broadcast_to(np.pi * weights / columns, phi.shape)
-    cosine, phi, area_s, area_phi = (
-        np.broadcast_to(values, (rows, columns, fine, fine))
-        for values in (
-            cosine[:, None, :, None],
-            phi[None, :, None, :],
-            area_s[:, None, :, None],
-            area_phi[None, :, None, :],
-        )
-    )
+    areas = area_s[:, None, :, None] * (np.pi * weights / columns)
+    cosine, phi = cosine[:, None, :, None], phi[None, :, None, :]
     sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
-    local = np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=-1)
-    points = local @ frame(axis)
-    return np.concatenate([points, (area_s * area_phi)[..., None]], axis=-1).reshape(rows, columns, fine * fine, 4)
+    local = np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), cosine, areas), axis=-1)
+    local[..., :3] = local[..., :3] @ frame(axis)
+    return local.reshape(rows, columns, fine * fine, 4)
 
 
 def place(cosine, lowest):

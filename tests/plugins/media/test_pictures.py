@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from raytracer.scene.pack.scene import pack
+from tests.plugins.materials.kernels import frame
 from tests.repository import ROOT
 from tests.small_scenes import image, mean, scene
 
@@ -150,10 +151,7 @@ def sphere_of_directions(cos_low, axis):
     cosine = 0.5 * (1.0 + cos_low) + 0.5 * (1.0 - cos_low) * nodes
     phi = 2.0 * math.pi * (np.arange(48) + 0.5) / 48
     sine = np.sqrt(1.0 - cosine * cosine)
-    n = np.array(axis)
-    s = np.cross(n, [0.0, 0.0, 1.0] if abs(n[2]) < 0.9 else [1.0, 0.0, 0.0])
-    s /= np.linalg.norm(s)
-    t = np.cross(n, s)
+    s, t, n = frame(np.array(axis))
     points = (
         sine[:, None, None] * (np.cos(phi)[None, :, None] * s + np.sin(phi)[None, :, None] * t)
         + cosine[:, None, None] * n

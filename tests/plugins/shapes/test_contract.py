@@ -16,6 +16,7 @@ from raytracer.plugins.shapes.base.interface import PlacementSpec
 from raytracer.scene.assets import LOADERS
 from raytracer.schema.registry import SHAPES
 from raytracer.schema.transform import matrix_of
+from tests.plugins.materials.kernels import frame
 from tests.plugins.shapes.kernels import cast, pdf_of, sample, uniform_directions, unit
 
 Array = NDArray[np.float64]
@@ -318,15 +319,14 @@ def test_pdf_is_that_of_the_directions_to_the_points(lower, name, place):
         u = (cells + rng.random((count, 2))) / side
         cosine, phi = 1.0 - (1.0 - lowest) * u[:, 0], 2.0 * np.pi * u[:, 1]
         sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
-        across = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))[0]
-        frame = np.stack([across, np.cross(axis, across), axis])
-        directions = np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=1) @ frame
+        axes = frame(axis)
+        directions = np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=1) @ axes
         hits = cast((single,), np.tile(reference, (count, 1)), directions)
         met = hits.table == 0
         pdf = np.zeros(count)
         pdf[met] = pdf_of((single,), 0, 0, reference, hits.point[met], hits.normal[met])
         solid_angle = 2.0 * np.pi * (1.0 - lowest)
-        for component in (np.ones(3), *np.eye(3), *frame):
+        for component in (np.ones(3), *np.eye(3), *axes):
             by_points = np.ones(count) if component.sum() == 3.0 else ways @ component
             by_rays = solid_angle * pdf * (np.ones(count) if component.sum() == 3.0 else directions @ component)
             deviation = np.hypot(by_points.std(), by_rays.std()) / np.sqrt(independent)
