@@ -13,6 +13,7 @@ from raytracer.plugins.apertures.base.interface import ApertureSpec
 from raytracer.schema.registry import APERTURES
 from tests.plugins.apertures.kernels import covered, sampled
 from tests.statistics import chi2_counts, chi2_test
+from tests.vectorised import rows, vectorised
 
 EXAMPLES = {
     "image": [{"file": "x"}, {"file": "x", "anamorphic": 0.7}],
@@ -94,7 +95,7 @@ def test_the_ends_of_the_numbers_are_points_of_the_aperture(keys):
 def test_what_is_round_is_the_plain_disc(keys):
     assert packed(**keys) is None
     numbers = uniform(100)
-    np.testing.assert_array_equal(sampled(None, numbers), [warp.sample_disc(u1, u2) for u1, u2 in numbers])
+    np.testing.assert_array_equal(sampled(None, numbers), vectorised(warp.sample_disc)(*map(rows, numbers.T)))
 
 
 @pytest.mark.parametrize("keys", CASES)
