@@ -1,5 +1,6 @@
 """Camera arrays and light slabs: many views of one scene, in one picture."""
 
+import itertools
 import math
 
 import numpy as np
@@ -28,6 +29,7 @@ Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 40, 30
 ROWS, COLUMNS, SPACING = 3, 4, (0.05, 0.08)
+VIEWS = list(itertools.product(range(ROWS), range(COLUMNS)))
 LOOK = {"look_from": (1.0, 2.0, 3.0), "look_at": (0.2, 0.1, -1.0), "up": (0.1, 1.0, 0.2)}
 GRID = {"rows": ROWS, "columns": COLUMNS, "spacing": SPACING}
 
@@ -71,13 +73,12 @@ def test_each_view_is_a_pinhole_in_its_place_that_sees_the_plane_of_convergence_
     x, y = pixels(50)
     plane = packed.plane
     middle = np.column_stack([plane.left + plane.pixel * x, plane.top - plane.pixel * y])
-    for row in range(ROWS):
-        for column in range(COLUMNS):
-            origins, directions = camera_rays(packed, *places(packed, row, column, x, y))
-            place = [SPACING[0] * (column - 0.5 * (COLUMNS - 1)), SPACING[1] * (0.5 * (ROWS - 1) - row)]
-            np.testing.assert_allclose(in_frame(spec, origins), np.tile([*place, 0.0], (50, 1)), atol=1e-14)
-            seen = slopes(spec, directions) + np.array(place) / distance
-            np.testing.assert_allclose(seen, middle, atol=1e-12)
+    for row, column in VIEWS:
+        origins, directions = camera_rays(packed, *places(packed, row, column, x, y))
+        place = [SPACING[0] * (column - 0.5 * (COLUMNS - 1)), SPACING[1] * (0.5 * (ROWS - 1) - row)]
+        np.testing.assert_allclose(in_frame(spec, origins), np.tile([*place, 0.0], (50, 1)), atol=1e-14)
+        seen = slopes(spec, directions) + np.array(place) / distance
+        np.testing.assert_allclose(seen, middle, atol=1e-12)
 
 
 @pytest.mark.parametrize("keys", [{}, {"convergence_distance": 0.9}, {"convergence_distance": math.inf}])
@@ -93,12 +94,11 @@ def test_points_are_seen_where_the_geometry_of_the_light_field_says(keys):
     middle = projected(packed, point)[0]
     assert middle[2] == pytest.approx(depth, rel=1e-13)
     shifts = views.shift(1.0 / depth)
-    for row in range(ROWS):
-        for column in range(COLUMNS):
-            x, y = places(packed, row, column, *(middle[:2, None] + shifts[row, column][:, None]))
-            origins, directions = camera_rays(packed, x, y)
-            along = (point - origins[0]) @ directions[0]
-            np.testing.assert_allclose(origins[0] + along * directions[0], point, atol=1e-11)
+    for row, column in VIEWS:
+        x, y = places(packed, row, column, *(middle[:2, None] + shifts[row, column][:, None]))
+        origins, directions = camera_rays(packed, x, y)
+        along = (point - origins[0]) @ directions[0]
+        np.testing.assert_allclose(origins[0] + along * directions[0], point, atol=1e-11)
 
 
 def test_the_highest_row_comes_first_and_the_leftmost_column():
@@ -116,15 +116,14 @@ def test_film_positions_of_one_view_never_reach_another(size):
     """Film positions up to the margin beyond the edges of a view, where filters draw."""
     spec, (width, height) = array(), size
     packed, margin = spec.pack(*size), spec.film_margin(*size)
-    for row in range(ROWS):
-        for column in range(COLUMNS):
-            left, top = film_corner(packed, column * width, row * height)
-            for x in (-margin + 0.5, -0.25, 0.0, width - 1.0, width + margin - 0.5):
-                for y in (-margin + 0.5, 0.5, height + margin - 0.5):
-                    assert film_to_view(packed, left + x, top + y) == (x, y)
-            # Pixels of a view are beside one another.
-            last = film_corner(packed, (column + 1) * width - 1, (row + 1) * height - 1)
-            assert last == (left + width - 1, top + height - 1)
+    for row, column in VIEWS:
+        left, top = film_corner(packed, column * width, row * height)
+        for x in (-margin + 0.5, -0.25, 0.0, width - 1.0, width + margin - 0.5):
+            for y in (-margin + 0.5, 0.5, height + margin - 0.5):
+                assert film_to_view(packed, left + x, top + y) == (x, y)
+        # Pixels of a view are beside one another.
+        last = film_corner(packed, (column + 1) * width - 1, (row + 1) * height - 1)
+        assert last == (left + width - 1, top + height - 1)
 
 
 # ---- Openings
@@ -152,8 +151,7 @@ def test_lenses_that_fill_the_plane_are_one_lens_together():
     spec = array(fill=True)
     packed = spec.pack(WIDTH, HEIGHT)
     starts, ends = [], []
-    for number in range(ROWS * COLUMNS):
-        row, column = divmod(number, COLUMNS)
+    for number, (row, column) in enumerate(VIEWS):
         x, y = places(packed, row, column, np.full(400, 31.0), np.full(400, 3.5))
         origins, directions = camera_rays(packed, x, y, seed=number)
         starts.append(in_frame(spec, origins)[:, :2])
@@ -201,29 +199,20 @@ def test_derived_numbers():
 
 @pytest.mark.parametrize("fill", [False, True])
 def test_rays_of_a_slab_meet_both_planes_where_they_say(fill):
-    keys = {
-        **LOOK,
-        "rows": ROWS,
-        "columns": COLUMNS,
-        "uv": [0.4, 0.3],
-        "st": [2.0, 1.5],
-        "separation": 3.0,
-        "fill": fill,
-    }
-    spec = LightSlab.model_validate(keys)
+    planes = {"uv": [0.4, 0.3], "st": [2.0, 1.5], "separation": 3.0}
+    spec = LightSlab.model_validate({**LOOK, "rows": ROWS, "columns": COLUMNS, **planes, "fill": fill})
     packed = spec.pack(WIDTH, HEIGHT)
     x, y = pixels(200)
-    for row in range(ROWS):
-        for column in range(COLUMNS):
-            origins, directions = camera_rays(packed, *places(packed, row, column, x, y))
-            starts = in_frame(spec, origins)
-            cell = np.array([(column + 0.5) * 0.1 - 0.2, 0.15 - (row + 0.5) * 0.1])
-            away = np.abs(starts[:, :2] - cell)
-            assert np.all(away <= (0.05 + 1e-12 if fill else 1e-14))
-            assert (away.max() > 0.045) == fill
-            ends = starts[:, :2] + 3.0 * slopes(spec, directions)
-            expected = np.column_stack([-1.0 + 2.0 * x / WIDTH, 0.75 - 1.5 * y / HEIGHT])
-            np.testing.assert_allclose(ends, expected, atol=1e-12)
+    for row, column in VIEWS:
+        origins, directions = camera_rays(packed, *places(packed, row, column, x, y))
+        starts = in_frame(spec, origins)
+        cell = np.array([(column + 0.5) * 0.1 - 0.2, 0.15 - (row + 0.5) * 0.1])
+        away = np.abs(starts[:, :2] - cell)
+        assert np.all(away <= (0.05 + 1e-12 if fill else 1e-14))
+        assert (away.max() > 0.045) == fill
+        ends = starts[:, :2] + 3.0 * slopes(spec, directions)
+        expected = np.column_stack([-1.0 + 2.0 * x / WIDTH, 0.75 - 1.5 * y / HEIGHT])
+        np.testing.assert_allclose(ends, expected, atol=1e-12)
     views = spec.layout(WIDTH, HEIGHT).views
     assert (views.cell is not None) == fill
     assert views.focus_distance == pytest.approx(3.0)

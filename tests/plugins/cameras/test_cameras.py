@@ -16,7 +16,7 @@ from tests.plugins.cameras.kernels import camera_rays, projected, weighted_rays
 from tests.repository import SCENES
 from tests.small_scenes import rendered
 
-_GLASS = str(SCENES / "lenses" / "double-gauss-50mm.yaml")
+_GLASS, _ACHROMAT = (str(SCENES / "lenses" / name) for name in ("double-gauss-50mm.yaml", "achromat-100mm.yaml"))
 
 EXAMPLES = yaml.safe_load(f"""
 camera_array:
@@ -41,8 +41,8 @@ fisheye:
 lens:
 - {{lens: '{_GLASS}', dispersion: false}}
 - {{lens: '{_GLASS}', f_number: 8, focus_distance: .inf}}
-- {{lens: '{_GLASS}', sensor: aps-c, f_number: 4, aperture_shape: {{type: polygon, blades: 5}}, focus: rms, flare: true,
-   shutter: 1/125 s, iso: 400}}
+- {{lens: '{_ACHROMAT}', sensor: full_frame, f_number: 11, aperture_shape: {{type: polygon, blades: 5}}, focus: rms,
+   flare: true, shutter: 1/125 s, iso: 400}}
 orthographic: [{{height: 3}}, {{width: 5}}]
 pinhole:
 - {{vfov: 35}}
@@ -369,7 +369,7 @@ environment: {{type: constant, radiance: 1}}
 objects:
   - {{type: sphere, center: [0, 9, 0], radius: 1, material: {{type: lambertian}}}}
 """
-    result = rendered(scene.format("fisheye"), width=64, height=64, max_depth=1, spp=16)
+    result = rendered(scene.format("fisheye"), width=64, height=64, max_depth=1, spp=16, filled=False)
     assert result.stats.rays == pytest.approx(math.pi / 4.0 * result.stats.samples, rel=0.01)
     # Samples outside count as black: the middle is as bright as without them, and no pixel is missing any.
     assert (result.image.radiance[31:33, 31:33] == 1.0).all()

@@ -30,6 +30,7 @@ THIN = {
     "focus_distance": FOCUS,
 }
 
+FOCUSED = {"arrangement": "focused"}
 ARRAYS = {
     "plenoptic": {"pixels": 15},
     "plenoptic, mismatched": {"pixels": 12, "distance": "0.3 mm", "focal_length": "0.5 mm"},
@@ -38,10 +39,10 @@ ARRAYS = {
         "pitch": "200 um",
         "layout": "hexagonal",
         "rotation": -3,
-        "arrangement": "focused",
+        **FOCUSED,
         "focal_length": "0.7 mm",
     },
-    "focused before the image": {"count": 20, "arrangement": "focused", "focal_length": "1.4 mm"},
+    "focused before the image": {"count": 20, **FOCUSED, "focal_length": "1.4 mm"},
     "pinholes": {"pixels": 10, "model": "pinhole"},
 }
 
@@ -214,7 +215,7 @@ def picture(text, spp, width):
 
 @pytest.fixture(scope="module")
 def raw():
-    return picture(_TEXT.format(camera="microlenses: {pixels: 15}"), 64, WIDTH)
+    return picture(_TEXT.format(camera="microlenses: {pixels: 15}"), 32, WIDTH)
 
 
 def in_place(layout, **keys):
@@ -235,7 +236,7 @@ def assert_same(first, variance, second):
 
 def test_the_mean_over_the_pixels_of_a_microlens_is_the_ordinary_photograph(raw):
     layout = raw.layout
-    photograph = picture(in_place(layout, type="thin_lens", focus_distance=2, aperture="10 mm"), 8192, 20)
+    photograph = picture(in_place(layout, type="thin_lens", focus_distance=2, aperture="10 mm"), 4096, 20)
     lit = layout.lit.reshape(20, 15, 20, 15).sum(axis=(1, 3))[..., None]
     np.testing.assert_allclose(lit, 225 * math.pi / 4.0)
     mean = raw.radiance.reshape(20, 15, 20, 15, 3).sum(axis=(1, 3)) / lit

@@ -12,6 +12,7 @@ from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
 from raytracer.scene.assets import LOADERS
 from raytracer.schema.registry import CAMERAS
 from tests.core.motion.kernels import camera_rays
+from tests.plugins.cameras.kernels import camera_rays as resting_rays
 from tests.repository import SCENES
 
 CAMERA = TypeAdapter(CAMERAS.union())
@@ -41,7 +42,7 @@ def test_rays_of_a_moving_camera_are_those_of_the_resting_one_moved(kind):
     assert isinstance(packed, MovingCamera)
     for fraction in (0.0, 0.3, 1.0):
         origins, directions, seen = camera_rays(packed, X.ravel(), Y.ravel(), fraction)
-        rest_origins, rest_directions, _ = camera_rays(packed.camera, X.ravel(), Y.ravel(), fraction)
+        rest_origins, rest_directions = resting_rays(packed.camera, X.ravel(), Y.ravel())
         matrix = matrix_at(spec.motion, 0.5 + 2.0 * fraction)
         np.testing.assert_allclose(origins, rest_origins @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-12)
         np.testing.assert_allclose(directions, rest_directions @ matrix[:3, :3].T, atol=1e-12)

@@ -6,6 +6,7 @@ import pytest
 from raytracer.film.formats.base.image_format import StoredImage
 from raytracer.schema.registry import ENVIRONMENTS
 from tests.plugins.environments.kernels import seen
+from tests.plugins.shapes.kernels import uniform_directions
 
 EXAMPLES = {
     "constant": [{"radiance": 1.0}, {"radiance": [0.1, 0.2, 3.0]}],
@@ -16,8 +17,7 @@ EXAMPLES = {
 
 MAP = StoredImage(np.random.default_rng(5).random((7, 9, 3), np.float32) ** 6, False)
 
-DIRECTIONS = np.random.default_rng(1).normal(size=(200, 3))
-DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+DIRECTIONS = uniform_directions(200, 1)
 
 
 def spec_of(kind, keys):

@@ -228,8 +228,8 @@ environment: {type: image, file: map.npy}
 objects:
   - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.7}}
 """
-    aimed = image(text, base=tmp_path, spp=512)
-    followed = image(text, base=tmp_path, spp=2048, seed=2, light_sampling="paths")
+    aimed = image(text, base=tmp_path, filled=False, spp=512)
+    followed = image(text, base=tmp_path, filled=False, spp=2048, seed=2, light_sampling="paths")
     (value, deviation), (other, other_deviation) = mean(aimed), mean(followed)
     np.testing.assert_array_less(np.abs(value - other), 4.0 * np.hypot(deviation, other_deviation))
     assert (np.hypot(deviation, other_deviation) < 0.01 * value).all()
@@ -254,4 +254,4 @@ objects:
     t = (np.arange(100_000) + 0.5) / 100_000 * 1.5 * math.pi / 64
     radiance = 1000.0 * np.clip(1.5 - t * 64 / math.pi, 0.0, 1.0)
     expected = (radiance * np.cos(t) * np.sin(t)).sum() * 2.0 * math.pi * t[-1] / 100_000 / math.pi
-    assert_mean(image(floor, base=tmp_path, spp=64, max_depth=2), expected)
+    assert_mean(image(floor, base=tmp_path, filled=False, spp=64, max_depth=2), expected)

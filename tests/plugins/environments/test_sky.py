@@ -20,6 +20,7 @@ from raytracer.plugins.environments.sky import (
 from raytracer.scene.pack.scene import pack
 from raytracer.schema.registry import ENVIRONMENTS
 from tests.plugins.environments.kernels import seen
+from tests.plugins.shapes.kernels import uniform_directions
 from tests.small_scenes import scene
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -120,9 +121,7 @@ def test_map_holds_the_model():
 def test_ground_reflects_what_falls_on_it():
     # A furnace from below: ground albedo times irradiance over pi, evenly.
     spec = spec_of(sun_elevation=35, turbidity=3, ground_albedo=[0.2, 0.4, 0.6], sun=True)
-    rng = np.random.default_rng(0)
-    directions = rng.normal(size=(200_000, 3))
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    directions = uniform_directions(200_000, 0)
     directions[:, 1] = np.abs(directions[:, 1])
     sky = 2.0 * math.pi * (seen(spec.pack({}), directions) * directions[:, 1:2]).mean(axis=0)
     disc = spec.sun_disc()

@@ -17,8 +17,8 @@ from tests.small_scenes import scene
 CAMERA = "camera: {type: pinhole, look_from: [0, 0, 9], look_at: [0, 0, 0], vfov: 40}\n"
 
 
-def packed(objects, **settings):
-    return pack(scene(CAMERA + "objects:\n" + objects, filled=False, **settings)).scene
+def packed(objects, *, groups="", **settings):
+    return pack(scene(CAMERA + groups + "objects:\n" + objects, **settings)).scene
 
 
 LAMPS = """
@@ -122,11 +122,11 @@ def test_density_of_a_sample_is_that_of_the_hit_it_aims_at():
 
 def test_samples_of_instances_bring_the_light_of_all_of_them():
     scene_ = packed(
-        """
-  - {type: instance, of: lamp, placements: [[{translate: [0, 2, 0]}], [{translate: [2, 0, 0]}]]}
-  - {type: quad, corner: [-5, -1, 5], edges: [[10, 0, 0], [0, 0, -10]], material: {type: lambertian}}
-groups: {lamp: [{type: sphere, center: [0, 0, 0], radius: 0.5, material: {type: emitter, radiance: 3}}]}
-"""
+        "  - {type: instance, of: lamp, placements: [[{translate: [0, 2, 0]}], [{translate: [2, 0, 0]}]]}\n"
+        "  - {type: quad, corner: [-5, -1, 5], edges: [[10, 0, 0], [0, 0, -10]], material: {type: lambertian}}\n",
+        groups="groups: {lamp: [{type: sphere, center: [0, 0, 0], radius: 0.5, "
+        "material: {type: emitter, radiance: 3}}]}\n",
+        filled=False,
     )
     weight = aim(scene_.lights, scene_, (0.0, 0.0, 0.0), 100).weight
     # Two balls of radius 0.5 at 2 m, each drawn evenly over the cone that it fills.
@@ -150,11 +150,11 @@ def test_there_are_no_lights_to_choose_where_none_would_be_seen():
     mirror = "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal, fuzz: 0}}\n"
     glass = "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: dielectric}}\n"
     dark = "  - {type: sphere, center: [0, 2, 0], radius: 0.5, material: {type: emitter, radiance: 0}}\n"
-    assert packed(lamp + matte).lights is not None
+    assert packed(lamp + matte, filled=False).lights is not None
     for objects in (lamp, matte, lamp + black, lamp + mirror, lamp + glass, dark + matte):
-        assert packed(objects).lights is None
+        assert packed(objects, filled=False).lights is None
     # What the camera sees at depth 1 is not lit by anything.
-    assert packed(lamp + matte, max_depth=1).lights is None
+    assert packed(lamp + matte, filled=False, max_depth=1).lights is None
 
 
 def test_reflected_light_of_a_single_emitter_draws_no_choice():

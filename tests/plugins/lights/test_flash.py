@@ -4,20 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from raytracer.analysis.explain import explain
 from raytracer.core.shutter.timing import Timing
 from raytracer.plugins.lights.base.interface import Lights
-from raytracer.plugins.lights.flash import Flashes, FlashLight
+from raytracer.plugins.lights.flash import Flashes
 from raytracer.rendering.render import render
 from raytracer.scene.pack.scene import pack
 from raytracer.schema.registry import LIGHTS
 from raytracer.util.errors import SceneError
 from tests.plugins.lights.kernels import aim
 from tests.small_scenes import scene
-
-Array = NDArray[np.float64]
 
 FLASH = LIGHTS.specs()["flash"]
 PLACE = (1.0, 2.0, 3.0)
@@ -221,11 +218,7 @@ def test_a_slit_that_is_narrower_than_the_film_shows_the_flash_as_a_band():
 def test_a_flash_outlasts_the_shortest_of_shutters():
     # It shines all the time that the shutter is open, with its energy over its own duration; in float32 fractions of
     # the shutter's time it would end beyond all numbers.
-    flash = FlashLight(position=(0.0, 0.0, 0.0), energy=(2.0, 2.0, 2.0), duration=1e-4)
-    fired = flash.at_exposure(Timing(0.0, 1e-300), (0.0, 0.0, 0.0), timed=True)
-    table = FlashLight.pack([fired])
-    assert table is not None
-    assert table.pulse is not None
-    np.testing.assert_allclose(table.intensity, 2e4, rtol=1e-12)
-    assert table.pulse.begin[0] == 0.0
-    assert table.pulse.end[0] > 1.0
+    result = table(Timing(0.0, 1e-300), True, energy=2.0, duration=1e-4)
+    np.testing.assert_allclose(result.intensity, 2e4, rtol=1e-12)
+    assert result.pulse.begin[0] == 0.0
+    assert result.pulse.end[0] > 1.0

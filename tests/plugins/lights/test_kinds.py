@@ -215,6 +215,8 @@ FLOOR = """
 materials: {grey: {type: lambertian, albedo: 0.5}, black: {type: lambertian, albedo: 0}}
 objects:
   - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 4, material: grey}
+  - {type: sphere, center: [0, -99, 0], radius: 1.0e-9, material: grey}
+  - {type: quad, corner: [0, -98, 0], edges: [[1.0e-9, 0, 0], [0, 0, 1.0e-9]], material: grey}
 """
 
 # One light a channel, so that one picture shows them all.
@@ -229,7 +231,7 @@ lights:
 def test_floor_is_lit_as_formulas_say():
     # Radiance albedo E / pi.  Point: I cos / d^2, at distance 5 with cosine 4/5.  Spot: on the axis, at distance
     # sqrt 8 and 45 degrees.  Sun: E cos with cosine 2 / sqrt 5.
-    picture = image(CAMERA + THREE + FLOOR, spp=256, max_depth=2)
+    picture = image(CAMERA + THREE + FLOOR, filled=False, spp=256, max_depth=2)
     irradiance = np.array([100.0 * 0.8 / 25.0, 40.0 * math.sqrt(0.5) / 8.0, 6.0 * 2.0 / math.sqrt(5.0)])
     value = picture.radiance.mean(axis=(0, 1))
     deviation = np.sqrt(picture.variance.sum(axis=(0, 1))) / 256
@@ -245,14 +247,14 @@ def test_what_stands_before_a_light_shadows_it():
         f"  - {{type: sphere, center: [{x}, {y}, {z}], radius: 0.2, material: black}}\n"
         for x, y, z in ([1.5, 2.0, 0.0], [0.0, 1.0, 1.0], [-1.0, 2.0, 0.0])
     )
-    picture = image(CAMERA + THREE + FLOOR + balls, spp=16, max_depth=2)
+    picture = image(CAMERA + THREE + FLOOR + balls, filled=False, spp=16, max_depth=2)
     assert not picture.radiance.any()
 
 
 def test_nothing_stops_light_behind_a_point():
     # The wall is behind the point light: a shadow ray ends at it.
     wall = "  - {type: quad, corner: [6, -9, -9], edges: [[0, 18, 0], [0, 0, 18]], material: black}\n"
-    picture = image(CAMERA + THREE + FLOOR + wall, spp=16, max_depth=2)
+    picture = image(CAMERA + THREE + FLOOR + wall, filled=False, spp=16, max_depth=2)
     assert picture.radiance[..., 0].mean() == pytest.approx(0.5 * 3.2 / math.pi, rel=0.05)
 
 
@@ -271,7 +273,7 @@ def test_only_what_a_ray_may_find_is_packed_for_mirrors():
 def test_the_camera_sees_the_sun_in_the_sky():
     # Towards the sun with a view of 8 degrees: a disc of 4 degrees, pi / 16 of the picture (by tangents).
     camera = "camera: {type: pinhole, look_from: [0, 9, 0], look_at: [-1, 11, 0], vfov: 8}\n"
-    picture = image(camera + THREE.replace("angle: 3}", "angle: 4}") + FLOOR, spp=64)
+    picture = image(camera + THREE.replace("angle: 3}", "angle: 4}") + FLOOR, filled=False, spp=64)
     share = math.pi * (math.tan(math.radians(2.0)) / (2.0 * math.tan(math.radians(4.0)))) ** 2
     bright = 6.0 / (math.pi * math.sin(math.radians(2.0)) ** 2)
     assert picture.radiance[..., 2].mean() == pytest.approx(share * bright, rel=0.01)

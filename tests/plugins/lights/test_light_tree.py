@@ -120,7 +120,7 @@ objects:
 
 
 def test_many_lamps_light_a_point_as_if_chosen_by_power(monkeypatch):
-    spec = scene(ROW_OF_LAMPS, filled=False)
+    spec = scene(ROW_OF_LAMPS)
     by_tree = pack(spec).scene
     monkeypatch.setattr("raytracer.scene.pack.lights.boxes", lambda *_: None)
     means, deviations = [], []

@@ -1,7 +1,7 @@
 """A material's functions for rows of directions."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,17 +45,19 @@ def scatter_row(
 
 
 def evaluate_many(
-    spec: Spec, direction: Vec3, outgoing: Array, *, front: bool = True, normal: Vec3 = UP
-) -> tuple[Array, Array]:
-    """f |cos| (n, 3) and pdf (n,) of `evaluate` toward directions (n, 3)."""
+    spec: Spec, direction: Any, outgoing: Array, *, front: Any = True, normal: Any = UP
+) -> tuple[Any, Any]:
+    """f |cos| (n, 3) and pdf (n,) of `evaluate` toward directions (n, 3); the rest may be one for all, or (n,)."""
     return evaluate_row(packed_row(spec), direction, outgoing, front=front, normal=normal)
 
 
 def evaluate_row(
-    material: NamedTuple, direction: Vec3, outgoing: Array, *, front: bool = True, normal: Vec3 = UP
-) -> tuple[Array, Array]:
+    material: NamedTuple, direction: Any, outgoing: Array, *, front: Any = True, normal: Any = UP
+) -> tuple[Any, Any]:
     """Evaluate a row as `evaluate_many` does."""
-    return vectorised(evaluate)(material, direction, normal, front, rows(outgoing))
+    arriving, normals = (rows(np.broadcast_to(vectors, np.shape(outgoing))) for vectors in (direction, normal))
+    sides = rows(np.broadcast_to(front, len(outgoing)))
+    return vectorised(evaluate)(material, arriving, normals, sides, rows(outgoing))
 
 
 def emitted(spec: Spec, front: bool) -> Vec3:

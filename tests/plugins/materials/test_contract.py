@@ -139,20 +139,12 @@ def cells(axis, lowest, rows, columns, fine):
     else:
         cosine = lowest + (1.0 - lowest) * s * s
         area_s = 0.5 * weights / rows * 2.0 * (1.0 - lowest) * s
-    area_phi = np.broadcast_to(np.pi * weights / columns, phi.shape)
-    cosine, phi, area_s, area_phi = (
-        np.broadcast_to(values, (rows, columns, fine, fine))
-        for values in (
-            cosine[:, None, :, None],
-            phi[None, :, None, :],
-            area_s[:, None, :, None],
-            area_phi[None, :, None, :],
-        )
-    )
+    areas = area_s[:, None, :, None] * (np.pi * weights / columns)
+    cosine, phi = cosine[:, None, :, None], phi[None, :, None, :]
     sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
-    local = np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=-1)
-    points = local @ frame(axis)
-    return np.concatenate([points, (area_s * area_phi)[..., None]], axis=-1).reshape(rows, columns, fine * fine, 4)
+    local = np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), cosine, areas), axis=-1)
+    local[..., :3] = local[..., :3] @ frame(axis)
+    return local.reshape(rows, columns, fine * fine, 4)
 
 
 def place(cosine, lowest):
@@ -172,31 +164,40 @@ def support(spec, direction):
 
 @every_lit_material
 @every_angle
-def test_directions_follow_the_pdf_that_evaluate_tells(spec, degrees):
-    # Pearson's chi-square over cells of directions, plus one for what is absorbed or falls outside of them.
+def test_directions_follow_the_pdf_and_weights_the_albedo_that_evaluate_tells(spec, degrees):
     count, rows, columns = 200_000, 16, 24
     direction = incoming(min(degrees, 85.0) if spec.type in FACETS else degrees)
     axis, lowest = support(spec, direction)
+    # By 24 x 24 points, cells that the horizon cuts, as it does those of a cap, are known to 1e-3; few do where neither
+    # that, a narrow lobe, nor the rim of total reflection is in a cell.
+    smooth = degrees < 80.0 and lowest == -1.0 and spec.type != "rough_dielectric"
+    grid = cells(axis, lowest, rows, columns, 8 if smooth else 24)
+    value, pdf = evaluate_many(spec, direction, grid[..., :3].reshape(-1, 3))
     outgoing, weight, _ = scatter_many(spec, direction, count)
-    kept = outgoing[weight.any(axis=1)]
-    local = kept @ frame(axis).T
+
+    # Pearson's chi-square over cells of directions, plus one for what is absorbed or falls outside of them.
+    local = outgoing[weight.any(axis=1)] @ frame(axis).T
     s = place(local[:, 2], lowest)
     phi = np.arctan2(local[:, 1], local[:, 0]) % (2.0 * np.pi)
     assert (local[:, 2] >= lowest - 1e-12).all()
     observed, _, _ = np.histogram2d(
         s, phi, [np.linspace(0.0, 1.0 + 1e-12, rows + 1), np.linspace(0.0, 2.0 * np.pi, columns + 1)]
     )
-
-    # Where the horizon cuts through cells, quadrature by 24 x 24 points is off by 1e-3 of a cell, which does not show.
-    grid = cells(axis, lowest, rows, columns, 24)
-    _, pdf = evaluate_many(spec, direction, grid[..., :3].reshape(-1, 3))
-    expected = count * (pdf.reshape(grid.shape[:3]) * grid[..., 3]).sum(axis=2)
+    areas = grid[..., 3]
+    expected = count * (pdf.reshape(areas.shape) * areas).sum(axis=2)
+    assert expected.sum() <= count * (1.0 + 1e-3)
     # A sliver above the horizon may fall between its points: cells where less than one is expected join the absorbed.
     expected *= min(1.0, count / expected.sum())
     some = expected >= 1.0
     observed, expected = observed[some], expected[some]
     absorbed = count - expected.sum()
     chi2_counts(np.append(observed, count - observed.sum()), np.append(expected, absorbed), SIGNIFICANCE)
+
+    # The directional albedo, the integral of f |cos|, is at most 1, and the mean weight is an estimate of it.
+    albedo = areas.ravel() @ value
+    assert (albedo <= 1.0 + 1e-3).all()
+    deviation = weight.std(axis=0) / np.sqrt(count)
+    np.testing.assert_array_less(np.abs(weight.mean(axis=0) - albedo), 5.0 * deviation + 1e-3)
 
 
 @every_lit_material
@@ -228,23 +229,6 @@ def test_what_cannot_be_lit_by_choice_has_no_value(spec, degrees):
         assert not density.any()
     else:
         assert not weight.any()
-
-
-@every_lit_material
-@every_angle
-def test_hemisphere_reflects_no_more_than_arrives(spec, degrees):
-    # The directional albedo, the integral of f |cos|, is at most 1, and the mean weight is an estimate of it.
-    direction = incoming(min(degrees, 85.0) if spec.type in FACETS else degrees)
-    axis, lowest = support(spec, direction)
-    grid = cells(axis, lowest, 16, 24, 24)
-    value, pdf = evaluate_many(spec, direction, grid[..., :3].reshape(-1, 3))
-    albedo = (value * grid[..., 3].reshape(-1, 1)).sum(axis=0)
-    # Where the horizon cuts through cells, as at grazing incidence, quadrature itself is good to 1e-3.
-    assert (albedo <= 1.0 + 1e-3).all()
-    assert (pdf * grid[..., 3].reshape(-1)).sum() <= 1.0 + 1e-3
-    _, weight, _ = scatter_many(spec, direction, 100_000)
-    deviation = weight.std(axis=0) / np.sqrt(len(weight))
-    np.testing.assert_array_less(np.abs(weight.mean(axis=0) - albedo), 5.0 * deviation + 1e-3)
 
 
 @every_lit_material

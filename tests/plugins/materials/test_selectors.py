@@ -38,19 +38,27 @@ def asked(function, world, reference, front):
     return vectorised(function)(world.selectors, world, reference, front, SITE, draws)
 
 
-def packed(material):
-    """A scene of one sphere of this material, and the material's reference."""
-    one = pack(
-        scene(
-            f"{HEAD}objects:\n  - {{type: sphere, center: [0, 0, 0], radius: 1, material: {material}}}\n", filled=False
-        )
+# Specks of each selector and of a texture: one type of scene for all.
+SPECKS = "".join(
+    f"  - {{type: sphere, center: [0, {y}, 0], radius: 1.0e-9, material: {material}}}\n"
+    for y, material in (
+        (-99, "{type: cutout, material: clay, opacity: {type: checker, even: 0.3, odd: 0.6}}"),
+        (-98, "{type: mixture, materials: [clay, lamp]}"),
+        (-97, "{type: two_sided, front: clay, back: lamp}"),
     )
+)
+
+
+def packed(material, specks=""):
+    """A scene of one sphere of this material, and the material's reference."""
+    ball = f"objects:\n  - {{type: sphere, center: [0, 0, 0], radius: 1, material: {material}}}\n"
+    one = pack(scene(HEAD + ball + specks, filled=False))
     return one.scene, int(one.scene.primitives[0].material[0])
 
 
 def shares(material, *, front=True):
     """Count how often each material shows: by albedo or radiance of its red, None for nothing."""
-    world, reference = packed(material)
+    world, reference = packed(material, SPECKS)
     measured = []
     for choose in (select_at, select_for_shadow_ray):
         result = asked(choose, world, reference, front)
@@ -108,7 +116,7 @@ def test_each_material_shows_by_its_share(material, front, expected):
 )
 def test_a_light_point_gives_the_mean_of_what_may_show(material, front, back):
     # What a light sample brings on average must be what paths find there on average.
-    world, reference = packed(material)
+    world, reference = packed(material, SPECKS)
     for side, expected in ((True, front), (False, back)):
         result = asked(selected_emission, world, reference, side)
         np.testing.assert_allclose(result.mean(axis=0), np.array([1, 2, 3]) * expected, atol=3 * 2.0 / np.sqrt(COUNT))
