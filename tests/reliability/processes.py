@@ -153,7 +153,10 @@ def _look(folder, names, stop, answers):
     scratch = folder.with_name(f"{folder.name}-looked-at")
     scratch.mkdir(exist_ok=True)
     parent = multiprocessing.parent_process()
-    while not stop.is_set() and parent.is_alive():
+    is_last = False
+    while not is_last:
+        # What is there at the end is looked at, too.
+        is_last = stop.is_set() or not parent.is_alive()
         for name, data in present(folder, names).items():
             reads[name] += 1
             if known.get(name) != hash(data):
