@@ -178,8 +178,6 @@ def test_a_click_focuses_where_it_is(opened, field):
         assert number(page, "focus") == pytest.approx(distance, rel=0.01)
         assert sharpness(seen(page), AT[distance]) > 1.3 * before
         assert page.locator("#focus output").inner_text() == f"{distance:.2f} m"
-        # The next click is no double one.
-        page.wait_for_timeout(600)
 
 
 def test_a_drag_looks_around(opened, field):
@@ -277,7 +275,7 @@ def test_the_address_says_what_is_seen(opened, field):
     page.wait_for_function("() => addressOf() === 'focus=2.5&aperture=0.3&from=0,0&ev=2&shape=round'")
 
 
-@pytest.mark.parametrize(("size", "scheme"), [((360, 640), "dark"), ((1280, 800), "light")])
+@pytest.mark.parametrize(("size", "scheme"), [((360, 640), "dark"), ((900, 600), "light")])
 def test_it_fits(opened, field, size, scheme):
     page = opened(field, "", size=size, color_scheme=scheme, device_scale_factor=2)
     assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
@@ -508,17 +506,3 @@ def test_on_the_command_line(field, tmp_path, capsys):
     assert run("view", tmp_path / "cards.lf", "-o", tmp_path / "cards.html") == 0
     assert "wrote" in capsys.readouterr().err
     assert (tmp_path / "cards.html").read_bytes().startswith(b"<!doctype html>")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["-o", "cards.png"], "unknown suffix '.png' for a page"),
-        (["--size", "lots"], "--size lots: must be a number of bytes"),
-        (["--size", "10kB"], "at least 1MB"),
-        (["--exposure", "bright"], "--exposure bright: must be a number of stops"),
-    ],
-)
-def test_what_is_wrong_is_said(capsys, arguments, said):
-    assert run("view", "cards.lf", *arguments) == 2
-    assert said in capsys.readouterr().err
