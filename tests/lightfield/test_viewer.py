@@ -23,8 +23,6 @@ from tests.lightfield.analytic import Surface, light_field, views, waves
 from tests.lightfield.test_looking_commands import run
 
 CHROMIUM = WEBGL
-
-
 WIDTH, HEIGHT, SPACING = 96, 72, 0.012
 NEAR, MIDDLE, FAR = 1.6, 2.5, 5.0
 
@@ -110,6 +108,13 @@ def place(page, at):
     return box["x"] + at[0] * box["width"], box["y"] + at[1] * box["height"]
 
 
+def clicked(page, distance):
+    """Click on what is at that distance, and return the focus that comes of it."""
+    page.mouse.click(*place(page, AT[distance]))
+    settled(page)
+    return number(page, "focus")
+
+
 def off(page, field, distance, **settings):
     """How far each value is from what Python makes of it."""
     return np.abs(seen(page) - srgb.to_uint8(refocus(field, distance, interpolation="linear", **settings).radiance))
@@ -172,10 +177,8 @@ def test_a_click_focuses_where_it_is(opened, field):
         away = FAR if distance != FAR else NEAR
         page.evaluate(f"choose({{ w: {1.0 / away}, eye: {list(eye)} }})")
         before = sharpness(seen(page), AT[distance])
-        page.mouse.click(*place(page, AT[distance]))
-        settled(page)
+        assert clicked(page, distance) == pytest.approx(distance, rel=0.01)
         assert page.evaluate("state.eye") == pytest.approx(eye)
-        assert number(page, "focus") == pytest.approx(distance, rel=0.01)
         assert sharpness(seen(page), AT[distance]) > 1.3 * before
         assert page.locator("#focus output").inner_text() == f"{distance:.2f} m"
 
@@ -338,9 +341,7 @@ def test_one_row(opened, field):
     assert not page.locator("#shape").is_visible()
     page.evaluate("choose({ eye: [0.01, 0.01], opening: 0 })")
     assert page.evaluate("state.eye") == [0.01, 0.0]
-    page.mouse.click(*place(page, AT[MIDDLE]))
-    settled(page)
-    assert number(page, "focus") == pytest.approx(MIDDLE, rel=0.01)
+    assert clicked(page, MIDDLE) == pytest.approx(MIDDLE, rel=0.01)
 
 
 def test_one_view(opened, field):
@@ -354,26 +355,19 @@ def test_one_view(opened, field):
 def test_distances_are_found_where_none_are_given(opened, field):
     page = opened(dataclasses.replace(part(field, slice(1, 6), slice(1, 6)), layers={}), f"#focus={FAR}")
     before = sharpness(seen(page), AT[MIDDLE])
-    page.mouse.click(*place(page, AT[MIDDLE]))
-    settled(page)
-    assert number(page, "focus") == pytest.approx(MIDDLE, rel=0.05)
+    assert clicked(page, MIDDLE) == pytest.approx(MIDDLE, rel=0.05)
     assert sharpness(seen(page), AT[MIDDLE]) > 1.3 * before
 
 
 def test_without_metres_it_tells_slopes(opened, field):
     """Places in steps of one view, slopes in pixels a view: what a folder of pictures has."""
     geometry = Views(
-        position=field.views.position[1:6, 1:6] / SPACING,
-        plane=Plane(1.0, -0.5 * WIDTH, 0.5 * HEIGHT),
-        width=WIDTH,
-        height=HEIGHT,
+        field.views.position[1:6, 1:6] / SPACING, Plane(1.0, -0.5 * WIDTH, 0.5 * HEIGHT), width=WIDTH, height=HEIGHT
     )
     unknown = LightField(field.radiance[1:6, 1:6], geometry, settings={"units": "views"})
     page = opened(unknown, "#aperture=0.6")
-    page.mouse.click(*place(page, AT[NEAR]))
-    settled(page)
     slope = SPACING * (1.0 / NEAR - field.views.inverse_focus) / field.views.plane.pixel
-    assert number(page, "focus") == pytest.approx(slope, abs=0.1)
+    assert clicked(page, NEAR) == pytest.approx(slope, abs=0.1)
     assert page.locator("#focus output").inner_text().startswith("slope ")
     assert " m" not in page.locator("#camera").inner_text().replace(" middle", "").replace("mm", "")
 
