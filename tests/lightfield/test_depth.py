@@ -81,7 +81,7 @@ def test_sharp_everywhere_and_finer_than_any_view():
     assert sharpness(sharp) > 0.95 * sharpness(exact)
     assert away(sharp, exact) < 0.7 * away(field.view(row, column), exact)
 
-    fine = seen(views(width=120, height=100), surfaces, (0.0, 0.0))[0]
+    fine = seen(views(width=120, height=100), surfaces, (0.0, 0.0), 1)[0]
     assert away(supersampled(field, 2, found), fine) < 0.8 * away(upsample_cubic(field.view(row, column), 2), fine)
 
 
