@@ -119,8 +119,8 @@ def kill(renders, jobs, seed, folder, *, kinds=tuple(KINDS)):
     for kind in kinds:
         place = make(folder / f"unbroken-{kind}")
         # This one compiles.
-        compiled = ["render", str(place / "ball.yaml"), "-o", str(place / "compiled.npy"), "-q"]
-        assert main([*compiled, *KINDS[kind], "--spp", "1"]) == 0
+        compiled = ["render", str(place / "ball.yaml"), "-o", str(place / "compiled.exr"), "-q"]
+        assert main([*compiled, *KINDS[kind], "--spp", "16"]) == 0
         process = start(place, kind)
         assert process.end().status == 0
         whole[kind] = (process.seconds * (1.0 if jobs == 1 else _SLOWER), present(place / "now"))
