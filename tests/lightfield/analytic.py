@@ -19,15 +19,17 @@ def waves(seed: int, finest: float, count: int = 24) -> Texture:
     length = finest * 8.0 ** random.random(count)
     angle = random.uniform(0.0, 2.0 * math.pi, count)
     phase = random.uniform(0.0, 2.0 * math.pi, (count, 3))
-    tone = random.random((count, 3))
+    strength = 1.2 / math.sqrt(count) * random.random((count, 3)) * np.exp(1j * phase)
     fx, fy = 2.0 * math.pi / length * np.cos(angle), 2.0 * math.pi / length * np.sin(angle)
-    scale = 1.2 / math.sqrt(count)
 
     def texture(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-        value = np.full((*x.shape, 3), 0.5)
-        for wave in range(count):
-            value += scale * tone[wave] * np.sin((fx[wave] * x + fy[wave] * y)[..., None] + phase[wave])
-        return np.clip(value, 0.0, None)
+        if x.shape == y.shape:
+            angle = x[..., None] * fx + y[..., None] * fy
+            value = np.sin(angle) @ strength.real + np.cos(angle) @ strength.imag
+        else:
+            # A row and a column: many fewer angles.
+            value = (np.exp(1j * x[..., None] * fx) * np.exp(1j * y[..., None] * fy) @ strength).imag
+        return np.clip(0.5 + value, 0.0, None)
 
     return texture
 
@@ -76,13 +78,14 @@ def seen(geometry: Views, surfaces: Sequence[Surface], at: tuple[float, float], 
         steps = (np.arange(samples) + 0.5) / samples
         right = geometry.plane.left + geometry.plane.pixel * (np.arange(geometry.width)[:, None] + steps).ravel()
         up = geometry.plane.top - geometry.plane.pixel * (np.arange(geometry.height)[:, None] + steps).ravel()
-        x, y = np.meshgrid(right, up)
-        slope_x, slope_y = x - geometry.inverse_focus * at[0], y - geometry.inverse_focus * at[1]
-        nearest = np.full(x.shape, np.inf)
-        value = np.zeros((*x.shape, 3))
+        slope_x, slope_y = right - geometry.inverse_focus * at[0], up[:, None] - geometry.inverse_focus * at[1]
+        nearest = np.full((len(up), len(right)), np.inf)
+        value = np.zeros((*nearest.shape, 3))
         for surface in surfaces:
             a, b = surface.tilt
-            z = (surface.distance + a * at[0] + b * at[1]) / (1.0 - a * slope_x - b * slope_y)
+            z = surface.distance + a * at[0] + b * at[1]
+            if a or b:
+                z = z / (1.0 - a * slope_x - b * slope_y)
             place_x, place_y = at[0] + slope_x * z, at[1] + slope_y * z
             hit = (z > 0.0) & (z < nearest)
             if surface.bounds is not None:
@@ -92,9 +95,11 @@ def seen(geometry: Views, surfaces: Sequence[Surface], at: tuple[float, float], 
             value = np.where(hit[..., None], surface.texture(place_x, place_y), value)
         return value, nearest
 
-    value, _ = traced(supersampling)
-    value = value.reshape(geometry.height, supersampling, geometry.width, supersampling, 3).mean(axis=(1, 3))
-    return value, traced(1)[1]
+    value, depth = traced(supersampling)
+    if supersampling > 1:
+        value = value.reshape(geometry.height, supersampling, geometry.width, supersampling, 3).mean(axis=(1, 3))
+        depth = traced(1)[1]
+    return value, depth
 
 
 def light_field(

@@ -7,6 +7,7 @@ from one view to the next.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -46,20 +47,17 @@ class Camera:
     soft: float = 0.5
     """Width of a sub-image's edge (pixels)."""
 
+    @lru_cache(maxsize=2)  # noqa: B019
     def _parts(self, supersampling):
         sub = (np.arange(supersampling) + 0.5) / supersampling
         x = (np.arange(self.width)[:, None] + sub).ravel()
         y = (np.arange(self.height)[:, None] + sub).ravel()
         place = np.stack(np.meshgrid(x, y), axis=-1)
-        base = np.rint(self.lattice.index(place))
-        best, middle = np.full(base.shape[:2], np.inf), np.zeros(place.shape)
-        for i in (-1, 0, 1):
-            for j in (-1, 0, 1):
-                candidate = self.lattice.place(base[..., 0] + i, base[..., 1] + j)
-                away = ((place - candidate) ** 2).sum(axis=-1)
-                nearer = away < best
-                best[nearer], middle[nearer] = away[nearer], candidate[nearer]
-        return place, middle
+        # In a grid of squares or hexagons the nearest one is a corner of the cell.
+        base = np.floor(self.lattice.index(place))
+        corners = [self.lattice.place(base[..., 0] + i, base[..., 1] + j) for i in (0, 1) for j in (0, 1)]
+        nearest = np.argmin([((place - corner) ** 2).sum(axis=-1) for corner in corners], axis=0)
+        return place, np.choose(nearest[..., None], corners)
 
     def transmission(self, place, middle):
         """Compute the part of the light that arrives."""

@@ -203,7 +203,7 @@ def test_layers_and_sensors_are_those_of_the_whole_picture(tmp_path, keys):
 
 def test_broken_off_in_a_band_it_goes_on_there(tmp_path, monkeypatch):
     monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
-    path, spp = tmp_path / "x.lf", 512
+    path, spp = tmp_path / "x.lf", 256
     whole = render(scene(), threads=2, spp=spp)
     step, interrupts = whole.stats.samples // 4, 0
 

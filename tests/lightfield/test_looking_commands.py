@@ -1,4 +1,4 @@
-"""`rt lightfield views`, `epi`, `move`, `depth`, `all-in-focus`: what they write, and what they say."""
+"""`rt lightfield views`, `epi`, `move`, `depth`, `all-in-focus`, `refocus`: what they write, and what they say."""
 
 import json
 
@@ -12,6 +12,7 @@ from raytracer.film.formats import pfm
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField, Rays
 from raytracer.lightfield.depth.depth_map import Depth
+from raytracer.lightfield.refocusing.refocus import refocus
 from tests.lightfield.analytic import Surface, light_field, views, waves
 
 
@@ -103,6 +104,66 @@ def test_slices_paths_and_sharp_pictures(file, tmp_path):
     assert ((sharp - view) ** 2).sum() < 0.03**2 * (view**2).sum()
 
 
+def refocused(capsys, *arguments):
+    """Refocus, and return what is told in JSON."""
+    assert run("refocus", *arguments, "--json") == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_photograph_is_written_as_python_makes_it(file, tmp_path, capsys):
+    path = tmp_path / "a.npy"
+    refocused(capsys, file, "--distance", "160cm", "--aperture", "75mm", "--tilt", "0.2 rad", "-o", path)
+    with lf.open(file) as field:
+        expected = refocus(field, 1.6, aperture=0.075, tilt=float(np.degrees(0.2))).radiance
+    np.testing.assert_allclose(image_file.load(path), expected, rtol=1e-12)
+
+
+def test_a_stack_is_an_animation_or_a_picture_each(file, tmp_path, capsys):
+    told = refocused(
+        capsys, file, "-d", "1:4:3:inverse", "-d", "inf", "-o", tmp_path / "a.gif", "-o", tmp_path / "a.npy"
+    )
+    assert told["distances_m"] == [1.0, pytest.approx(1.6), 4.0, None]
+    # There and back again, without the ends twice.
+    with PIL.Image.open(tmp_path / "a.gif") as animation:
+        assert getattr(animation, "n_frames", 1) == 6
+    files = [tmp_path / f"a_{number}.npy" for number in range(1, 5)]
+    assert told["files"] == [str(tmp_path / "a.gif"), *map(str, files)]
+    with lf.open(file) as field:
+        for path, distance in zip(files, (1.0, 1.6, 4.0, np.inf), strict=True):
+            np.testing.assert_allclose(image_file.load(path), refocus(field, distance).radiance, rtol=1e-10)
+
+
+def test_equal_steps_of_distance_and_slopes(file, tmp_path, capsys):
+    told = refocused(capsys, file, "-d", "1:2:3,5", "-o", tmp_path / "a.webp")
+    assert told["distances_m"] == [1.0, 1.5, 2.0, 5.0]
+    told = refocused(capsys, file, "--slope", "0:1:2", "--method", "fourier", "-o", tmp_path / "b.webp")
+    pixel = 2.0 * np.tan(np.radians(15.0)) / 30
+    assert told["distances_m"] == pytest.approx([2.0, 1.0 / (0.5 + pixel / 0.03)])
+
+
+def test_without_metres_it_tells_slopes(tmp_path, capsys):
+    field = LightField(np.ones((3, 3, 6, 8, 3)), views(3, 3, width=8, height=6), settings={"units": "views"})
+    lf.write(tmp_path / "a.lf", field)
+    told = refocused(capsys, tmp_path / "a.lf", "--slope", "-0.5:1:3", "-o", tmp_path / "b.gif")
+    assert set(told) == {"slopes_px", "files"}
+    np.testing.assert_allclose(told["slopes_px"], [-0.5, 0.25, 1.0], atol=1e-12)
+
+
+def test_rays_that_leave_pixels_black_are_told_of(tmp_path, capsys):
+    rays = Rays(np.zeros((1, 4)), np.ones((1, 3)), np.ones(1))
+    single = LightField(np.zeros((1, 1, 18, 24, 3)), views(1, 1, width=24, height=18), rays=rays)
+    lf.write(tmp_path / "rays.lf", single)
+    assert run("refocus", tmp_path / "rays.lf", "--method", "rays", "-o", tmp_path / "a.png") == 0
+    assert "no ray comes to 99.8 % of the pixels" in capsys.readouterr().err
+
+
+def test_a_plane_beyond_the_range_is_told_of(file, tmp_path, capsys):
+    assert run("refocus", file, "-d", "0.2", "-o", tmp_path / "a.png") == 0
+    err = capsys.readouterr().err
+    assert "0.2 m is beyond" in err
+    assert "edges out of focus come apart" in err
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -124,6 +185,27 @@ def test_slices_paths_and_sharp_pictures(file, tmp_path):
         (("depth", "FILE", "--method", "guess"), "--method guess: must be one of focus"),
         (("depth", "FILE", "--near", "-2"), "--near -2"),
         (("depth", "FILE", "--near", "3", "--far", "2"), "near must be less than far"),
+        (("refocus", "FILE", "-d", "2", "--alpha", "1", "-o", "a.png"), "give one of them"),
+        (("refocus", "FILE", "-d", "2 kg", "-o", "a.png"), "--distance 2 kg"),
+        (("refocus", "FILE", "-d", "1:4", "-o", "a.gif"), "START:STOP:COUNT"),
+        (("refocus", "FILE", "-d", "1:inf:4", "-o", "a.gif"), "1:inf:4:inverse"),
+        (("refocus", "FILE", "-d", "0:4:4:inverse", "-o", "a.gif"), "greater than 0"),
+        (("refocus", "FILE", "-d", "1:4:1", "-o", "a.gif"), "from 2 to 10000 planes"),
+        (("refocus", "FILE", "-d", "2", "-o", "a.gif"), "needs several distances"),
+        (("refocus", "FILE", "-d", "2", "-o", "a.lf"), "unknown suffix '.lf' for a photograph"),
+        (("refocus", "FILE", "-d", "2", "--center", "1", "-o", "a.png"), "two lengths"),
+        (
+            ("refocus", "FILE", "-d", "2", "--crop", "0,0,50,10", "-o", "a.png"),
+            "wall.lf: crop 0,0,50,10 must lie",
+        ),
+        (
+            ("refocus", "FILE", "-d", "2", "--f-number", "4", "-o", "a.png"),
+            "wall.lf: an f-number needs the focal",
+        ),
+        (("view", "FILE", "-o", "cards.png"), "unknown suffix '.png' for a page"),
+        (("view", "FILE", "--size", "lots"), "--size lots: must be a number of bytes"),
+        (("view", "FILE", "--size", "10kB"), "at least 1MB"),
+        (("view", "FILE", "--exposure", "bright"), "--exposure bright: must be a number of stops"),
     ],
 )
 def test_wrong_wishes_in_one_sentence(arguments, told, file, tmp_path, monkeypatch, capsys):

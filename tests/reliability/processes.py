@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import math
 import multiprocessing
 import os
 import subprocess
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import psutil
 
 from raytracer.film import load
 from raytracer.rendering.checkpoint import SUFFIX
@@ -71,6 +73,14 @@ class Process:
     def seconds(self):
         """Return the seconds since its start."""
         return time.perf_counter() - self.began
+
+    @property
+    def busy_seconds(self):
+        """Return the processor time that it has taken."""
+        try:
+            return sum(psutil.Process(self.popen.pid).cpu_times()[:2])
+        except psutil.NoSuchProcess:
+            return math.inf
 
     @property
     def is_running(self):
@@ -153,7 +163,10 @@ def _look(folder, names, stop, answers):
     scratch = folder.with_name(f"{folder.name}-looked-at")
     scratch.mkdir(exist_ok=True)
     parent = multiprocessing.parent_process()
-    while not stop.is_set() and parent.is_alive():
+    is_last = False
+    while not is_last:
+        # What is there at the end is looked at, too.
+        is_last = stop.is_set() or not parent.is_alive()
         for name, data in present(folder, names).items():
             reads[name] += 1
             if known.get(name) != hash(data):

@@ -1,11 +1,44 @@
-"""Processes that start together, and one after the other: short runs of `race` and `many`, and the fit of `hour`."""
+"""Renders that are killed, disks that fill, and processes that start together or one after the other: short runs of
+`kill`, `full_disk`, `race` and `many`, and the fit of `hour`."""
 
 import numpy as np
 import pytest
 
+from tests.reliability.full_disk import trials
 from tests.reliability.hour import slope
+from tests.reliability.kill import CHECKPOINT, OUTPUTS, kill
 from tests.reliability.many import many
 from tests.reliability.race import damage, kill_compilers, race
+
+
+@pytest.mark.parametrize(
+    ("renders", "jobs", "seed", "kinds", "killed", "resumed", "writing"),
+    [
+        # Killed before the first checkpoint, then while a file is written, then once more.
+        pytest.param(1, 1, 1760, ("plain",), 2, 1, 1, id="1"),
+        pytest.param(200, 3, 1, ("plain", "noise", "layers"), 200, 50, 20, id="200", marks=pytest.mark.slow),
+    ],
+)
+def test_killed_and_resumed_a_picture_is_the_same(tmp_path, renders, jobs, seed, kinds, killed, resumed, writing):
+    counts, failures = kill(renders, jobs, seed, tmp_path, kinds=kinds)
+    assert failures == []
+    assert counts["renders"] == counts["equal"] == renders
+    assert all(counts[f"opened {name}"] > 0 for name in (CHECKPOINT, *OUTPUTS))
+    assert counts["killed"] >= killed
+    assert counts["resumed"] >= resumed
+    assert counts["killed while a file was written"] >= writing
+
+
+@pytest.mark.slow
+def test_50_disks_that_fill_leave_what_there_was(tmp_path):
+    try:
+        counts, failures = trials(50, 2, 1, tmp_path)
+    except PermissionError as error:
+        pytest.skip(f"a small disk cannot be mounted here: {error}")
+    assert failures == []
+    assert counts["moments"] == counts["resumed"] == 50
+    assert counts["exit status 0"] + counts["exit status 1"] == 50
+    assert counts["exit status 1"] >= 20
 
 
 @pytest.mark.slow

@@ -164,14 +164,16 @@ def test_what_a_device_does_not_take_goes_elsewhere(elsewhere, capsys):
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no folder that is looked into")
 def test_a_folder_that_is_removed_is_made_again(home, monkeypatch):
     Path("out").mkdir()
-    show = SampleBar.show
+    show, removed = SampleBar.show, []
 
     def remove(bar, progress):
         shutil.rmtree("out", ignore_errors=True)
+        removed.append(progress)
         show(bar, progress)  # type: ignore[arg-type]
 
     monkeypatch.setattr(SampleBar, "show", remove)
-    assert main(["render", "ball.yaml", "--spp", "3000", "-q", "-o", "out/a.npy"]) == 0
+    assert main(["render", "ball.yaml", "--spp", "200", "-q", "-o", "out/a.npy"]) == 0
+    assert removed
     assert np.isfinite(load("out/a.npy")).all()
 
 

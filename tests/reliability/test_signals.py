@@ -13,6 +13,7 @@ import time
 import numpy as np
 import pytest
 
+from raytracer.cli.base.app import main
 from raytracer.film import load
 from tests.reliability.processes import BALL, FOREVER, Process, asides, run
 
@@ -27,7 +28,8 @@ LARGE = ("-D", "film.width=800", "-D", "film.height=600")
 
 
 @pytest.fixture
-def home(tmp_path):
+def home(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "ball.yaml").write_text(BALL)
     return tmp_path
 
@@ -71,13 +73,20 @@ def test_a_render_writes_what_is_there_and_says_how_to_go_on(home):
     assert not asides(home)
 
     # It goes on by that command, and the picture's samples become more.
-    process = Process(shlex.split(again)[1:], home)
-    until_replaced(process, home / "out.npy.checkpoint")
-    samples = [int(text.split(" has ")[1].split()[0]) for text in (err, ended_by(process, signal.SIGTERM).err)]
-    assert samples[1] > samples[0]
+    def samples(err):
+        return int(err.split(" has ")[1].split()[0])
+
+    process, kept = Process(shlex.split(again)[1:], home), home / "out.npy.checkpoint"
+    is_more = False
+    while not is_more:
+        until_replaced(process, kept)
+        # The first one may be of the samples that there were.
+        with np.load(kept) as checkpoint:
+            is_more = checkpoint["film/2"].min() > samples(err)
+    assert samples(ended_by(process, signal.SIGTERM).err) > samples(err)
 
 
-def test_a_second_signal_ends_it_at_once_without_a_broken_file(home):
+def test_a_second_signal_ends_it_at_once_without_a_broken_file(home, capsys):
     (home / "out.exr").write_bytes(b"what was there before")
     process, _ = rendering(home, "-o", "out.exr", *LARGE)
     assert process.until(lambda: not asides(home))
@@ -92,9 +101,10 @@ def test_a_second_signal_ends_it_at_once_without_a_broken_file(home):
     assert not asides(home)
     assert (home / "out.exr").read_bytes() == b"what was there before"
     # What was kept before is there still, and is gone on from.
-    ended = run(["render", "ball.yaml", "-o", "out.npy", "--spp", "8", *LARGE, "--resume"], home)
-    assert "samples" in ended.err
-    assert "begins anew" not in ended.err
+    assert main(["render", "ball.yaml", "-o", "out.npy", "--spp", "8", *LARGE, "--resume"]) == 0
+    err = capsys.readouterr().err
+    assert "samples" in err
+    assert "begins anew" not in err
 
 
 def test_a_signal_that_comes_while_another_ends_it_holds_nobody_up():
@@ -120,7 +130,9 @@ with signals.temporary_path(pathlib.Path("none")):
 
 
 def test_sighup_writes_the_picture_so_far_and_the_render_goes_on(home):
-    process, _ = rendering(home, "-o", "out.png")
+    # Shells start what they run in the background with Ctrl-C ignored: so it stays.
+    process, _ = rendering(home, "-o", "out.png", preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))
+    process.send(signal.SIGINT)
     pictures = []
     for _ in range(2):
         assert not (home / "out.png").exists()
@@ -192,17 +204,8 @@ def test_what_an_interrupt_leaves_of_the_cache_is_of_use(home):
     assert run(["render", "ball.yaml"], home, **settings).status == 0
 
 
-def test_a_signal_that_was_to_be_ignored_is(home):
-    # Shells start what they run in the background with Ctrl-C ignored.
-    process, _ = rendering(home, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))
-    process.send(signal.SIGINT)
-    until_replaced(process, home / "out.npy.checkpoint")
-    assert process.is_running
-    ended_by(process, signal.SIGTERM)
-
-
 def test_a_sweep_keeps_what_is_done_and_goes_on_by_the_same_command(home):
-    command = ["sweep", "ball.yaml", "-D", "camera.vfov=20:60:5", "-o", "out", "--spp", "1500", "-q"]
+    command = ["sweep", "ball.yaml", "-D", "camera.vfov=20:60:5", "-o", "out", "--spp", "600", "-q"]
     process = Process(command, home)
     records = home / "out" / "points"
     assert process.until(lambda: records.is_dir() and any(records.glob("*.json")))
@@ -213,7 +216,7 @@ def test_a_sweep_keeps_what_is_done_and_goes_on_by_the_same_command(home):
     assert 1 <= done < 5
     assert not asides(home / "out")
     assert len(list(records.glob("*.json"))) == done
-    assert run(command, home).status == 0
+    assert main(command) == 0
     assert len(list(records.glob("*.json"))) == 5
 
 
@@ -243,7 +246,7 @@ def test_a_light_field_keeps_what_is_done_and_goes_on(home):
 def test_other_commands_say_one_word(home, words):
     process = Process([*words.split(), "ball.yaml", "-q"], home)
     # As soon as it reads the kernel, or later: nothing that it does then may turn it into something else.
-    process.until(lambda: process.seconds > 1.2)
+    process.until(lambda: process.busy_seconds > 0.4)
     ended = ended_by(process, signal.SIGINT)
     assert ended.sentences[-1] == "rt: interrupted"
     assert "Traceback" not in ended.err

@@ -1,6 +1,7 @@
 """Raw pictures by views: geometry on pictures that are linear in what their pixels see, which interpolation keeps."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,18 +25,19 @@ def lenslets(name, **keys):
     return Lenslets(LATTICES[name], 120, 110, (60.0, 55.0), **numbers)
 
 
-def seen(layout, inverse_distance):
-    """Compute points on the main lens (m) of pixels' rays, and their tangents: (height, width, 2) right, up.
-
-    By the nearest of all microlenses, whichever they are.
-    """
-    x, y = np.meshgrid(np.arange(layout.width) + 0.5, np.arange(layout.height) + 0.5)
-    places = np.stack([x, y], axis=-1)
+@cache
+def places_and_nearest(lattice):
+    """Pixels' middles (height, width, 2), and that of the nearest of all microlenses, whichever they are."""
+    places = np.stack(np.meshgrid(np.arange(120) + 0.5, np.arange(110) + 0.5), axis=-1)
     numbers = np.stack(np.meshgrid(np.arange(-40, 41), np.arange(-40, 41)), axis=-1).reshape(-1, 2)
-    middles = layout.lattice.place(numbers[:, 0], numbers[:, 1])
-    near = (np.abs(middles - [60.0, 55.0]) < 80.0).all(axis=1)
-    middles = middles[near]
-    nearest = middles[((places[:, :, None, :] - middles) ** 2).sum(axis=-1).argmin(axis=-1)]
+    middles = lattice.place(numbers[:, 0], numbers[:, 1])
+    middles = middles[(np.abs(middles - [60.0, 55.0]) < 80.0).all(axis=1)]
+    return places, middles[((places[:, :, None, :] - middles) ** 2).sum(axis=-1).argmin(axis=-1)]
+
+
+def seen(layout, inverse_distance):
+    """Compute points on the main lens (m) of pixels' rays, and their tangents: (height, width, 2) right, up."""
+    places, nearest = places_and_nearest(layout.lattice)
     on_lens = layout.stride * (places - nearest) * [1.0, -1.0]
     slopes = layout.slope * (nearest - layout.middle) * [1.0, -1.0]
     return on_lens, slopes + on_lens * (inverse_distance - layout.inverse_distance)
@@ -45,6 +47,13 @@ def within(layout, views):
     """The views whose places, with the pixels next to them, are within every sub-image."""
     away = np.hypot(views.position[..., 0], views.position[..., 1]) / layout.stride
     return np.asarray(away < 0.5 * layout.lattice.pitch - 1.0)
+
+
+def tangents(views):
+    """Compute the tangents of the middles of a view's pixels: (height, width, 2) right, up."""
+    x = views.plane.left + views.plane.pixel * (np.arange(views.width) + 0.5)
+    y = views.plane.top - views.plane.pixel * (np.arange(views.height) + 0.5)
+    return np.stack(np.meshgrid(x, y), axis=-1)
 
 
 def image(values):
@@ -67,13 +76,10 @@ def test_views_see_through_the_places_that_are_said(name):
 def test_pixels_of_views_see_where_the_plane_says(name):
     layout = lenslets(name)
     field = layout.light_field(image(seen(layout, 0.4)[1]))
-    views, plane = field.views, field.views.plane
-    assert views.inverse_focus == 0.4
-    x = plane.left + plane.pixel * (np.arange(views.width) + 0.5)
-    y = plane.top - plane.pixel * (np.arange(views.height) + 0.5)
-    expected = np.stack(np.meshgrid(x, y), axis=-1)
+    assert field.views.inverse_focus == 0.4
+    expected = tangents(field.views)
     # Beyond the outermost microlenses their own values are continued: look at what is within.
-    found = field.radiance[within(layout, views)][:, 2:-2, 2:-2, :2]
+    found = field.radiance[within(layout, field.views)][:, 2:-2, 2:-2, :2]
     np.testing.assert_allclose(found, np.broadcast_to(expected[2:-2, 2:-2], found.shape), rtol=0.0, atol=1e-12)
 
 
@@ -82,12 +88,9 @@ def test_pixels_of_views_see_where_the_plane_says(name):
 def test_focused_views_have_the_pixels_of_the_sensor_in_the_plane_that_is_sharp(name, inverse_focus):
     layout = lenslets(name, inverse_focus=inverse_focus, inverse_distance=-0.6, slope=5e-4)
     field = layout.light_field(image(seen(layout, inverse_focus)[1]))
-    views, plane = field.views, field.views.plane
-    assert views.inverse_focus == inverse_focus
+    plane, expected = field.views.plane, tangents(field.views)
+    assert field.views.inverse_focus == inverse_focus
     assert plane.pixel == pytest.approx(abs(inverse_focus + 0.6) * layout.stride)
-    x = plane.left + plane.pixel * (np.arange(views.width) + 0.5)
-    y = plane.top - plane.pixel * (np.arange(views.height) + 0.5)
-    expected = np.stack(np.meshgrid(x, y), axis=-1)
     found = field.radiance[..., :2]
     # The picture's own rim is seen by fewer microlenses than it takes.
     inner = (slice(None), slice(None), slice(7, -7), slice(7, -7))
@@ -101,8 +104,8 @@ def test_focused_views_have_the_pixels_of_the_sensor_in_the_plane_that_is_sharp(
 
 def test_a_ray_a_pixel_is_kept_of_a_focused_picture():
     layout = lenslets("hexagonal", inverse_focus=1.4, inverse_distance=-0.6)
-    on_lens, tangents = seen(layout, 1.4)
-    rays = layout.light_field(image(tangents)).rays
+    on_lens, slopes = seen(layout, 1.4)
+    rays = layout.light_field(image(slopes)).rays
     assert len(rays.value) == 120 * 110
     np.testing.assert_allclose(rays.place[:, :2].reshape(110, 120, 2), on_lens, atol=1e-15)
     np.testing.assert_allclose(rays.place[:, 2:], rays.value[:, :2], atol=1e-15)

@@ -239,12 +239,19 @@ def test_tiles_waste_little(tmp_path):
     assert (tmp_path / "a.lf").stat().st_size < 1.05 * 2 * 288 * 320 * 3 * 4
 
 
-def test_a_file_of_another_program_may_be_plain(tmp_path):
-    with h5py.File(tmp_path / "a.lf", "w") as file:
-        file["radiance"] = np.arange(72, dtype=">f8").reshape(1, 2, 3, 4, 3)
-        file["position"] = np.array([[[-1, 0], [1, 0]]], dtype=np.float32)
+@contextlib.contextmanager
+def plain(path, position):
+    """A file with no more than a light field has to have, but for its radiance."""
+    with h5py.File(path, "w") as file:
+        file["position"] = position
         file.attrs["format"] = np.bytes_("rt light field")
         file.attrs.update({"version": 1, "pixel": 0.5, "left": -1, "top": 0.75, "inverse_focus": 0})
+        yield file
+
+
+def test_a_file_of_another_program_may_be_plain(tmp_path):
+    with plain(tmp_path / "a.lf", np.array([[[-1, 0], [1, 0]]], dtype=np.float32)) as file:
+        file["radiance"] = np.arange(72, dtype=">f8").reshape(1, 2, 3, 4, 3)
     found = lf.open(tmp_path / "a.lf")
     assert found.radiance[0, 1, 2, 3].tolist() == [69.0, 70.0, 71.0]
     assert found.views.focus_distance == np.inf
@@ -341,26 +348,19 @@ def test_a_wrong_file_is_told_in_a_sentence(written, name):
 
 
 def test_some_views_that_were_never_written(tmp_path):
-    with h5py.File(tmp_path / "a.lf", "w") as file:
+    with plain(tmp_path / "a.lf", np.zeros((2, 2, 2))) as file:
         made = file.create_dataset("radiance", (2, 2, 8, 8, 3), "f4", chunks=(1, 1, 8, 8, 3), compression="gzip")
         made[0] = 1.0
-        file["position"] = np.zeros((2, 2, 2))
-        file.attrs["format"] = np.bytes_("rt light field")
-        file.attrs.update({"version": 1, "pixel": 0.5, "left": -1.0, "top": 0.75, "inverse_focus": 0.0})
     with pytest.raises(InputError, match="radiance has 2 of 4 tiles"):
         lf.open(tmp_path / "a.lf")
 
 
-def packed(path, tile, *, fletcher32=False, compression="gzip"):
+def packed(path, tile, compression="gzip", **options):
     """A light field of one view, whose radiance is this one tile."""
-    with h5py.File(path, "w") as file:
-        made = file.create_dataset(
-            "radiance", (1, 1, 8, 8, 3), "f4", chunks=(1, 1, 8, 8, 3), compression=compression, fletcher32=fletcher32
-        )
+    shape = (1, 1, 8, 8, 3)
+    with plain(path, np.zeros((1, 1, 2))) as file:
+        made = file.create_dataset("radiance", shape, "f4", chunks=shape, compression=compression, **options)
         made.id.write_direct_chunk((0, 0, 0, 0, 0), tile)
-        file["position"] = np.zeros((1, 1, 2))
-        file.attrs["format"] = np.bytes_("rt light field")
-        file.attrs.update({"version": 1, "pixel": 0.5, "left": -1.0, "top": 0.75, "inverse_focus": 0.0})
 
 
 # 8 x 8 pixels of 3 numbers of 4 bytes.  HDF5 gives back whatever follows in memory where a tile unpacks to less, and
@@ -392,12 +392,6 @@ def test_tiles_that_cannot_be_checked_are_refused(tmp_path):
         lf.open(tmp_path / "b.lf")
 
 
-def read_all(path):
-    with lf.open(path) as field:
-        for array in (field.radiance, *field.layers.values(), *(field.rays or ())):
-            np.asarray(array)
-
-
 @pytest.mark.parametrize("compress", [False, True])
 def test_a_truncated_file_is_told(tmp_path, compress):
     lf.write(tmp_path / "a.lf", light_field(), compress=compress)
@@ -424,7 +418,8 @@ def test_flipped_bits_are_told_or_change_nothing(tmp_path, compress):
                 # NumPy's array_equal takes what cannot be read for unequal.
                 assert np.array_equal(np.asarray(found.radiance), field.radiance.astype(np.float32))
                 same_views(found.views, field.views)
-            read_all(tmp_path / "b.lf")
+                for array in (*found.layers.values(), *found.rays):
+                    np.asarray(array)
         except InputError as error:
             told.append(str(error))
     assert len(told) > 30
