@@ -67,8 +67,8 @@ camera:
     "hangar": """\
 # The largest pinhole photograph, by an aircraft hangar 16.8 m deep, with a hole of 6 mm and a canvas of 33.8 x 9.6 m.
 # Look at: everything, near and far, which is sharp.  The hole that made a picture of 127 mm hopeless is 0.2 pixels wide
-# here: what counts is the hole compared with the picture.  In a box of 90 mm it draws the same view as blobs.  The price
-# is time, for the hole is f/2800.
+# here: what counts is the hole compared with the picture.  In a box of 90 mm it draws the same view as blobs.
+# The price is time, for the hole is f/2800.
 # Change: camera.focal_length=90, with camera.sensor={width: 181.07, height: 51.43} and camera.shutter=11.6 ms.
 camera:
   {type: pinhole, look_from: [0, 3.2, 4], look_at: [0, 4.4, -40], sensor: {width: 33.8 m, height: 9.6 m},
