@@ -21,7 +21,7 @@ WEBGL = (*_ALL, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
 class Windows:
-    """A browser's windows, which are used again by tests that want the same: a new one takes half a second."""
+    """A browser's windows, which tests use again, in another size and light or dark: a new one takes half a second."""
 
     def __init__(self, browser):
         self._browser, self._free = browser, {}
@@ -70,9 +70,10 @@ def open_page(chromium):
         "request": note_request,
     }
 
-    def opened(path, fragment="", size=_WIDE, **settings):
-        settings["viewport"] = {"width": size[0], "height": size[1]}
+    def opened(path, fragment="", size=_WIDE, color_scheme="light", **settings):
         page = chromium.take(settings)
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.emulate_media(color_scheme=color_scheme)
         taken.append((settings, page))
         page.set_default_timeout(20_000)
         for event, listener in heard.items():

@@ -54,7 +54,7 @@ def quick_render(rng, scene, sigma=0.5, spp=64):
 
 
 def test_honest_pairs_have_the_distributions_that_are_claimed(scene):
-    rng = np.random.default_rng(2)
+    rng, scene = np.random.default_rng(2), scene[:16, :24]
     variance = (0.5 * scene) ** 2 / 64
     verdicts = []
     for _ in range(400):

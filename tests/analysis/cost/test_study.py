@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from raytracer.analysis.cost import predict as predicting
 from raytracer.analysis.cost.study import study
 from raytracer.analysis.cost.study_options import StudyOptions
 from raytracer.analysis.cost.text import study_text
@@ -13,6 +14,11 @@ from raytracer.film.window import Window
 from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.util.errors import InputError
 from tests.analysis.cost.made_up import World, scene_of
+
+
+@pytest.fixture(autouse=True)
+def few_resamples(monkeypatch):
+    monkeypatch.setattr(predicting, "_RESAMPLES", 200)
 
 
 @pytest.fixture
