@@ -104,7 +104,7 @@ def test_a_lens_with_cylinders_and_a_hostile_name_has_both_planes_on_its_page(tm
     evil = '</script><img src="http://example.org/x.png"><b>'
     lens = cylinder_pair()
     path = tmp_path / "cylinders.html"
-    found = study_lens(lens, QUICK)
+    found = study_lens(lens, QUICK._replace(fields=(0.0, 1.0)))
     path.write_bytes(page(lens, found._replace(name=evil, source=evil)))
     shown = open_page(path)
     assert shown.locator("h1").inner_text() == evil
@@ -131,7 +131,7 @@ def test_a_drawing_in_pixels_whatever_its_name(gauss):
     data = paper.png(gauss[0], gauss[1]._replace(name=r"$\frac{$"))
     with PIL.Image.open(io.BytesIO(data)) as picture:
         assert picture.width > 1200
-        values = np.asarray(picture.convert("RGB"), np.float64)
+        values = np.asarray(picture.convert("RGB"))[::2, ::2].astype(np.int16)
     assert 0.7 < (values.min(axis=2) > 250).mean() < 0.98
     # Blue glass and brown.
     assert (np.abs(values - (178, 213, 236)).max(axis=2) < 25).mean() > 0.005

@@ -75,7 +75,8 @@ def test_a_planted_fault_fails_and_is_named(change, reason, renders, path):
     assert change is not wrong_tile or np.unravel_index(np.argmax(farthest), farthest.shape) == (1, 3)
 
 
-def test_of_two_hundred_other_seeds_hardly_one_fails(renders, path):
+def test_of_two_hundred_other_seeds_hardly_one_fails(renders, tmp_path):
+    path = reference(tmp_path, width=24)
     assert sum(not check_reference(path, CheckOptions(spp=256, seed=seed)).passed for seed in range(200)) <= 2
 
 
@@ -117,8 +118,8 @@ def test_samples_are_as_many_as_the_change_takes():
 
 def test_what_a_check_is_to_find_it_finds_nearly_always(monkeypatch, tmp_path):
     # So noisy that 256 samples do not do.
-    renders = MadeUp(sigma=1.8).install(monkeypatch)
-    path = reference(tmp_path)
+    renders = MadeUp(sigma=0.9).install(monkeypatch)
+    path = reference(tmp_path, width=24)
     kept = load_reference(path)
     spp = samples_to_detect(kept)
     assert 400 < spp < 4096
