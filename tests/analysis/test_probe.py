@@ -23,11 +23,10 @@ film: {width: 8, height: 8}
 render: {spp: 4, max_depth: 6}
 environment: {type: gradient, horizon: [1.0, 0.9, 0.6], zenith: [0.2, 0.4, 1.0]}
 materials:
-  lamp: {type: emitter, radiance: [3, 2, 1], two_sided: true}
+  lamp: {type: emitter, radiance: [3, 2, 1]}
   matt: {type: lambertian, albedo: [0.7, 0.5, 0.3]}
 objects:
-  - {type: quad, corner: [-0.5, -0.5, 0], edges: [[1, 0, 0], [0, 1, 0]], material: lamp,
-     motion: {velocity: [4, 0, 0]}}
+  - {type: sphere, center: [0, 0, 0], radius: 0.5, material: lamp, motion: {velocity: [4, 0, 0]}}
   - {type: sphere, center: [0, -5, 0], radius: 1, material: matt}
 """
 
