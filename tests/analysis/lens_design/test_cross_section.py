@@ -3,6 +3,7 @@
 import math
 import xml.etree.ElementTree as ET
 from itertools import combinations, groupby, pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +16,8 @@ from raytracer.analysis.lens_design.cross_section.drawing import (
 )
 from raytracer.analysis.lens_design.cross_section.outlines import Cubic, Line, reversed_pieces, surface_outline
 from raytracer.analysis.lens_design.cross_section.plot import figure_of, names_of
-from raytracer.analysis.lens_design.performance.lens_study import study_lens
-from raytracer.analysis.lens_design.performance.results import Settings
+from raytracer.analysis.lens_design.performance.first_order import first_order
+from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
 from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.lens import Element
@@ -25,7 +26,6 @@ from raytracer.scene.assets.lenses import read_lens
 from tests.analysis.lens_design.benches import SHIPPED, lens_of, plano_convex, shipped, symmetric_lens
 
 GLASS = constant_index_glass(1.5)
-QUICK = Settings(steps=5, rays=8, fields=(0.0, 1.0))
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -87,6 +87,13 @@ def test_rays_of_a_far_point_are_parallel_and_meet_every_surface():
     np.testing.assert_array_equal(rays[:, -1, 0], film)
 
 
+def sections_of(lens):
+    """Draw a lens with as much of its study as drawings need."""
+    bench = set_up_bench(lens)
+    rows = tuple(first_order(bench, meridian) for meridian in bench.meridians)
+    return cross_sections(lens, SimpleNamespace(settings=bench.settings, first_order=rows))
+
+
 def written(shown):
     with style(ON_PAPER):
         return ET.fromstring(to_svg(figure_of(shown, 10.0, 9.0), names=names_of(shown), tight=True))
@@ -97,8 +104,7 @@ def written(shown):
 )
 def test_a_shipped_lens_in_section(path):
     lens = read_lens(path)
-    found = study_lens(lens, QUICK)
-    (shown,) = cross_sections(lens, found)
+    (shown,) = sections_of(lens)
     glasses = sum(float(one.glass.ior()) != 1.0 for one in lens.elements[:-1])
     assert len(shown.outlines) == glasses
     assert len(shown.fields) == 3
@@ -115,8 +121,7 @@ def test_a_shipped_lens_in_section(path):
 
 
 def test_a_lens_with_cylinders_is_drawn_in_both_planes_with_names_clear_of_legends():
-    lens = shipped("anamorphic-75mm")
-    shown = cross_sections(lens, study_lens(lens, Settings(steps=3, rays=4, fields=(0.0, 1.0))))
+    shown = sections_of(shipped("anamorphic-75mm"))
     assert [one.title[-1] for one in shown] == ["y", "x"]
     parts = {node.get("id") for node in written(shown).iter(f"{SVG}g")}
     assert {"film-0", "film-1", "glass-0-0", "glass-1-0"} <= parts

@@ -515,8 +515,8 @@ def test_a_sweep_has_the_bits_of_single_renders(ball):
 def test_a_point_that_was_broken_off_is_gone_on_with(ball, folder, monkeypatch, damaged):
     """Its samples lie beside the records until it is done; where they are of no use it begins anew."""
     monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
-    values, settings, seen, sentences = {"camera.vfov": "30,40"}, {"spp": 4000, "formats": ["npy"]}, [], []
-    whole = sweep(ball, values, spp=4000).images
+    values, settings, seen, sentences = {"camera.vfov": "30,40"}, {"spp": 2000, "formats": ["npy"]}, [], []
+    whole = sweep(ball, values, spp=2000).images
 
     def interrupt(done):
         if done.share > 0.6:
