@@ -72,11 +72,7 @@ def test_lenses_that_lack_something(surfaces):
         (plano_convex(), {"f_number": 0.5}, "opens"),
         (plano_convex(), {"focus_distance_mm": 90.0}, "nearest"),
         (plano_convex(), {"wavelengths_nm": ()}, "at least one wavelength"),
-        (
-            lens_of((0.0, 5.0, GLASS, 10.0, FLAT), (0.0, 0.0, AIR, 10.0, FLAT)),
-            {},
-            "makes no image",
-        ),
+        (lens_of((0.0, 5.0, GLASS, 10.0, FLAT), (0.0, 0.0, AIR, 10.0, FLAT)), {}, "makes no image"),
         (lens_of(FRONT, (-0.02, 100.0 - 1e-6, AIR, 10.0), FRONT, REAR), {}, "makes no image"),
         (lens_of(FRONT, (-0.02, 150.0, AIR, 10.0), FRONT, REAR), {}, "upright"),
     ],
