@@ -38,7 +38,6 @@ def test_the_ratio_of_times_is_seen_without_scrolling(report, open_page, size, c
     shown = open_page(report, size=size, color_scheme=color_scheme)
     assert shown.evaluate("document.documentElement.scrollWidth <= innerWidth")
     box = shown.get_by_role("button", name="time against the scene").bounding_box()
-    assert box is not None
     assert box["x"] + box["width"] <= size[0]
     letters = shown.locator("figure[data-chart=convergence] text")
     assert min(letters.evaluate_all("all => all.map((one) => one.getBoundingClientRect().height)")) > 7.0

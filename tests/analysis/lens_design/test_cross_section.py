@@ -74,7 +74,6 @@ def test_rays_of_a_far_point_are_parallel_and_meet_every_surface():
     surfaces = lens.packed()
     film = cardinal_points(surfaces).rear_focus
     found = trace_fan(surfaces, film, -10.0)
-    assert found is not None
     rays, angle = found
     assert rays.shape == (7, 4, 2)
     first = rays[:, 1] - rays[:, 0]
@@ -142,7 +141,6 @@ def test_the_outer_rays_of_a_singlet_cross_the_axis_before_the_film():
     surfaces = plano_convex().packed()
     film = cardinal_points(surfaces).rear_focus
     found = trace_fan(surfaces, film, 0.0)
-    assert found is not None
     heights = found[0][:, :, 1]
     # Spherical aberration: they land on the other side, the outermost the farthest.
     assert (heights[:3, 1] * heights[:3, -1] < 0.0).all()
@@ -153,7 +151,6 @@ def test_the_outer_rays_of_a_singlet_cross_the_axis_before_the_film():
 def test_rays_of_a_near_point_come_from_it():
     surfaces = plano_convex().packed()
     found = trace_fan(surfaces, 200.0, -5.0, object_z=-190.0)
-    assert found is not None
     starts, seconds = found[0][:, 0], found[0][:, 1]
     slopes = (seconds - starts)[:, 1] / (seconds - starts)[:, 0]
     at_plane = starts[:, 1] + slopes * (-190.0 - starts[:, 0])
@@ -183,7 +180,6 @@ def test_rays_astray_do_not_make_all_else_small():
     shown = build_cross_section(ball, ball.packed(), (21.0, 8.0), [0.0, 6.0, 8.0])
     assert all(abs(ray.points[-1, 1]) <= 1.4 * 12.5 for ray in shown.rays)
     whole = trace_fan(ball.packed(), 21.0, -8.0)
-    assert whole is not None
     drawn = [ray.points for ray in shown.rays if ray.field == 2]
     # What is left of a ray lies on it.
     cut = [(ended, ray) for ended, ray in zip(drawn, whole[0], strict=True) if abs(ray[-1, 1]) > 20.0]
