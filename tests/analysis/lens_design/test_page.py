@@ -103,15 +103,17 @@ def test_charts_can_be_saved(report, open_page, gauss):
 def test_a_lens_with_cylinders_and_a_hostile_name_has_both_planes_on_its_page(tmp_path, open_page):
     evil = '</script><img src="http://example.org/x.png"><b>'
     lens = cylinder_pair()
+    whole = study_lens(lens, QUICK)
+    found = few(whole)
     path = tmp_path / "cylinders.html"
-    found = study_lens(lens, QUICK._replace(fields=(0.0, 1.0)))
     path.write_bytes(page(lens, found._replace(name=evil, source=evil)))
     shown = open_page(path)
     assert shown.locator("h1").inner_text() == evil
     assert shown.locator("img").count() == 0
     assert shown.locator("#drawing .wide svg").count() == 2
-    keys = [chart.key for group in plots.chart_groups(found) for chart in group.charts]
-    assert sorted(shown.evaluate("Object.keys(data.charts)")) == sorted(set(keys)) == sorted(keys)
+    whole, keys = ([chart.key for group in plots.chart_groups(of) for chart in group.charts] for of in (whole, found))
+    assert len(set(whole)) == len(whole) > len(keys)
+    assert sorted(shown.evaluate("Object.keys(data.charts)")) == sorted(keys)
     assert shown.locator("[data-chart] > svg").count() == len(keys)
     assert "First order, in the plane of x" in shown.locator("h2").all_inner_texts()
     assert shown.locator("#seidel-sums").count() == 0
