@@ -90,6 +90,8 @@ def test_text_says_what_was_found():
     assert re.search(r"^the scene +10\.0 ms +34\.2 ns +2\.70 ", study_text(studies.study(), 120), re.MULTILINE)
     coloured = study_text(studies.study(), colour=True)
     assert re.sub(r"\x1b\[[0-9;]*m", "", coloured).split() == said.split() != coloured.split()
+    # What a terminal would act upon is written out.
+    assert "\x1b" not in study_text(studies.study(scene="a\x1b[2Jb.yaml", warnings=("\x1b]0;x\x07",)))
 
 
 def test_doubts_and_other_samples_stand_beside_what_they_are_about():
@@ -107,10 +109,6 @@ def test_doubts_and_other_samples_stand_beside_what_they_are_about():
     shown = page(study).decode()
     for words in (doubt, "used by nothing"):
         assert words in shown
-
-
-def test_what_a_terminal_would_act_upon_is_written_out():
-    assert "\x1b" not in study_text(studies.study(scene="a\x1b[2Jb.yaml", warnings=("\x1b]0;x\x07",)))
 
 
 @every_study

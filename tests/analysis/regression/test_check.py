@@ -297,12 +297,5 @@ def test_references_are_found_by_name(renders, tmp_path):
     folder = tmp_path / "references"
     assert [path.name for path in find_references(folder)] == ["ball.npz", "cube.npz"]
     assert [path.name for path in find_references(folder, ["cube"])] == ["cube.npz"]
-    (tmp_path / "empty").mkdir()
-    for place, names, words in (
-        (folder, ["bal"], "no reference 'bal': did you mean 'ball'"),
-        (tmp_path / "nowhere", [], "nowhere: no such folder"),
-        (folder / "ball.npz", [], "is no folder"),
-        (tmp_path / "empty", [], "has no references: rt reference SCENE -o"),
-    ):
-        with pytest.raises(InputError, match=words):
-            find_references(place, names)
+    with pytest.raises(InputError, match="is no folder"):
+        find_references(folder / "ball.npz")

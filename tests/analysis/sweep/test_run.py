@@ -386,13 +386,9 @@ def test_pictures_of_another_sweep_are_left_and_told(swept, folder):
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
-        ({"formats": ["tiff"]}, "unknown suffix '.tiff'"),
-        ({"animate": ["mp4"]}, "gif, webp, png"),
         ({"animate": ["gif"], "fps": 0.0}, "--fps"),
-        ({"max_points": 5}, "more than the 5"),
         ({"values": {"render.spp": "1,2"}, "spp": 3}, "--spp stands in place of render.spp"),
         ({"values": {"render.seed": "1,2"}, "seed": 3}, "--seed stands in place of render.seed"),
-        ({"folder": Path(__file__)}, "is a file, not a folder"),
     ],
 )
 def test_wrong_settings_are_told_before_anything(swept, bench, settings, says):
