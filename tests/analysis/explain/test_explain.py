@@ -135,10 +135,14 @@ def test_limits_for_a_stated_circle():
 def test_limits_need_no_sensor():
     # Limits follow from angles: the same lens and angle of view with a sensor has the same.
     lens = "type: thin_lens, vfov: 30, focus_distance: 3, aperture: 20 mm"
-    plain, sized = explained(lens).camera, explained(f"{lens}, {FULL_FRAME}").camera
+    plain, sized = explained(lens), explained(f"{lens}, {FULL_FRAME}")
     for name in ("near_limit_m", "far_limit_m", "circle_px"):
-        assert plain[name] == pytest.approx(sized[name], rel=1e-12)
-    assert "circle_mm" not in plain
+        assert plain.camera[name] == pytest.approx(sized.camera[name], rel=1e-12)
+    assert "circle_mm" not in plain.camera
+    # The circle is told once.
+    for found, words in ((plain, " 1.202 px"), (sized, " 1.202 px, 0.02884 mm")):
+        (line,) = [line for line in found.text().splitlines() if "circle of" in line and "sharp" in line]
+        assert line.endswith(words)
     with pytest.raises(InputError, match="give pixels"):
         explained(lens, circle=Circle(0.03, "mm"))
 
@@ -453,14 +457,6 @@ def test_a_light_without_effect_keeps_its_reason():
     text = explained("type: pinhole", lights="{type: point, position: [0, 1, 0], intensity: 0}").text()
     assert "light.point" in text.partition("Left out")[2]
     assert "which is black" in text
-
-
-def test_the_circle_is_told_once():
-    lens = "type: thin_lens, vfov: 30, focus_distance: 3, aperture: 20 mm"
-    (line,) = [line for line in explained(lens).text().splitlines() if "circle of" in line and "sharp" in line]
-    assert line.endswith(" 1.202 px")
-    (line,) = [line for line in explained(f"{lens}, {FULL_FRAME}").text().splitlines() if "sharp up to" in line]
-    assert line.endswith(" 1.202 px, 0.02884 mm")
 
 
 EXPOSED = f"{THIN}focal_length: 50 mm, f_number: 16, shutter: 1/128 s"
