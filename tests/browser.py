@@ -14,6 +14,7 @@ REQUIRED = "RT_REQUIRE_BROWSER"
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 _SILENT = ("--disable-background-networking", "--disable-component-update", "--disable-sync")
 _ALL = ("--no-sandbox", "--no-first-run", *_SILENT)
+_PLAIN = (*_ALL, "--disable-gpu")
 _WIDE = (1280, 800)
 
 # Where all is drawn by a simulated graphics card; without any, Chromium complains of reading WebGL's pictures back.
@@ -21,7 +22,7 @@ WEBGL = (*_ALL, "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
 class Windows:
-    """A browser's windows, which are used again by tests that want the same: a new one takes half a second."""
+    """A browser's windows, which tests use again, in another size and light or dark: a new one takes half a second."""
 
     def __init__(self, browser):
         self._browser, self._free = browser, {}
@@ -35,24 +36,25 @@ class Windows:
         self._free[repr(settings)].append(page)
 
 
-# Not for the whole session: Playwright's event loop would be in the way of all others in the same thread.
-@pytest.fixture(scope="module")
-def chromium(request):
-    """A browser for the tests of a module; without one they are skipped, or fail where RT_REQUIRE_BROWSER is set.
-
-    A module that names CHROMIUM has a browser with those arguments.
-    """
+def launched(arguments=_PLAIN):
+    """A browser; without one tests are skipped, or fail where RT_REQUIRE_BROWSER is set."""
     executable = next(filter(None, map(shutil.which, _NAMES)), None)
     if executable is None:
         why = f"no browser: none of {', '.join(_NAMES)} is installed"
         (pytest.fail if os.environ.get(REQUIRED) else pytest.skip)(why)
     from playwright.sync_api import sync_playwright
 
-    arguments = list(getattr(request.module, "CHROMIUM", (*_ALL, "--disable-gpu")))
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=arguments)
+        browser = playwright.chromium.launch(executable_path=executable, args=list(arguments))
         yield Windows(browser)
         browser.close()
+
+
+# Not for the whole session: Playwright's event loop would be in the way of all others in the same thread.
+@pytest.fixture(scope="module")
+def chromium(request):
+    """A browser for the tests of a module, with the arguments that it names CHROMIUM if it does."""
+    yield from launched(getattr(request.module, "CHROMIUM", _PLAIN))
 
 
 @pytest.fixture
@@ -70,9 +72,10 @@ def open_page(chromium):
         "request": note_request,
     }
 
-    def opened(path, fragment="", size=_WIDE, **settings):
-        settings["viewport"] = {"width": size[0], "height": size[1]}
+    def opened(path, fragment="", size=_WIDE, color_scheme="light", **settings):
         page = chromium.take(settings)
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.emulate_media(color_scheme=color_scheme)
         taken.append((settings, page))
         page.set_default_timeout(20_000)
         for event, listener in heard.items():

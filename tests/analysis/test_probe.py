@@ -23,11 +23,10 @@ film: {width: 8, height: 8}
 render: {spp: 4, max_depth: 6}
 environment: {type: gradient, horizon: [1.0, 0.9, 0.6], zenith: [0.2, 0.4, 1.0]}
 materials:
-  lamp: {type: emitter, radiance: [3, 2, 1], two_sided: true}
+  lamp: {type: emitter, radiance: [3, 2, 1]}
   matt: {type: lambertian, albedo: [0.7, 0.5, 0.3]}
 objects:
-  - {type: quad, corner: [-0.5, -0.5, 0], edges: [[1, 0, 0], [0, 1, 0]], material: lamp,
-     motion: {velocity: [4, 0, 0]}}
+  - {type: sphere, center: [0, 0, 0], radius: 0.5, material: lamp, motion: {velocity: [4, 0, 0]}}
   - {type: sphere, center: [0, -5, 0], radius: 1, material: matt}
 """
 
@@ -47,10 +46,6 @@ objects:
 BLUE, RED, ANGLE = 450.0, 650.0, math.radians(60.0)
 
 
-def room():
-    return build(ROOM, "room.yaml")
-
-
 def gradient(direction):
     a = 0.5 * (np.asarray(direction)[..., 1:2] / np.linalg.norm(direction, axis=-1, keepdims=True) + 1.0)
     return (1.0 - a) * np.array(HORIZON) + a * np.array(ZENITH)
@@ -58,17 +53,21 @@ def gradient(direction):
 
 @pytest.fixture(scope="module")
 def spec():
-    return room()
+    return build(ROOM, "room.yaml")
 
 
 def measured(spec, **keys):
     return probe(spec, (0.0, 0.0, 5.0), **{"spp": 64, **keys})
 
 
-def test_a_direction_sees_the_environment_in_it(spec):
-    found = measured(spec, direction=(3.0, 4.0, 12.0))
-    np.testing.assert_allclose(found.radiance, gradient((3.0, 4.0, 12.0)), rtol=1e-14)
-    np.testing.assert_allclose(found.towards, np.array([3.0, 4.0, 12.0]) / 13.0, rtol=1e-15)
+UPRIGHT = [(0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (1e-9, 1.0, 0.0)]
+
+
+@pytest.mark.parametrize("direction", [(3.0, 4.0, 12.0), *UPRIGHT])
+def test_a_direction_sees_the_environment_in_it(spec, direction):
+    found = measured(spec, direction=direction)
+    np.testing.assert_allclose(found.radiance, gradient(direction), rtol=1e-14)
+    np.testing.assert_allclose(found.towards, np.array(direction) / np.linalg.norm(direction), rtol=1e-15)
     np.testing.assert_allclose(found.standard_error, 0.0, atol=1e-15)
 
 
@@ -136,13 +135,13 @@ def test_all_directions_as_a_picture(spec):
     np.testing.assert_allclose(image[:, 8:24].mean(axis=1), expected, rtol=0.02)
 
 
-def test_the_command_prints_what_python_finds(tmp_path, monkeypatch, capsys):
+def test_the_command_prints_what_python_finds(spec, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("room.yaml").write_text(ROOM)
     ray = ["probe", "room.yaml", "--at", "0,0,5", "--toward", "0,0,0", "--time", "0", "--spp", "64", "-q"]
     assert main([*ray, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found == json.loads(json.dumps(measured(room(), toward=(0.0, 0.0, 0.0), time=0.0).json()))
+    assert found == json.loads(json.dumps(measured(spec, toward=(0.0, 0.0, 0.0), time=0.0).json()))
     np.testing.assert_allclose(found["radiance"], [3.0, 2.0, 1.0], rtol=1e-14)
     assert main([*ray, "--wavelength", "0.55um"]) == 0
     out = capsys.readouterr().out
@@ -190,27 +189,19 @@ def test_an_interrupted_probe_tells_nothing(spec):
         probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, -1.0), spp=2**24, progress=interrupt)
 
 
-@pytest.mark.parametrize("direction", [(0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (1e-9, 1.0, 0.0)])
-def test_every_direction_can_be_looked_in(spec, direction):
-    found = probe(spec, (0.0, 5.0, 0.0) if direction[1] > 0 else (30.0, 5.0, 0.0), direction=direction, spp=64)
-    np.testing.assert_allclose(found.radiance, gradient(direction)[...], rtol=1e-12)
-
-
 def test_a_point_on_the_way_and_a_direction_are_the_same(spec):
-    one, other = (
-        measured(spec, toward=(0.0, -5.0, 0.0), spp=4096),
-        measured(spec, direction=(0.0, -1.0, -1.0), spp=4096),
-    )
+    ways = {"toward": (0.0, -5.0, 0.0)}, {"direction": (0.0, -1.0, -1.0)}
+    one, other = (measured(spec, **way, spp=4096) for way in ways)
     np.testing.assert_allclose(one.radiance, other.radiance, rtol=1e-12)
     assert one.samples == 4096
 
 
 def test_python_refuses_what_is_no_ray(spec):
-    with pytest.raises(InputError, match="either a point to look toward, or a direction"):
-        probe(spec, (0.0, 0.0, 5.0))
-    with pytest.raises(InputError, match="spp must be an integer"):
-        probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, 1.0), spp=0)
-    with pytest.raises(InputError, match="at must be three numbers"):
-        probe(spec, (0.0, 0.0), direction=(0.0, 0.0, 1.0))
-    with pytest.raises(InputError, match="toward must be three numbers, got 'lamp'"):
-        probe(spec, (0.0, 0.0, 5.0), toward="lamp")
+    for at, keys, words in (
+        ((0.0, 0.0, 5.0), {}, "either a point to look toward, or a direction"),
+        ((0.0, 0.0, 5.0), {"direction": (0.0, 0.0, 1.0), "spp": 0}, "spp must be an integer"),
+        ((0.0, 0.0), {"direction": (0.0, 0.0, 1.0)}, "at must be three numbers"),
+        ((0.0, 0.0, 5.0), {"toward": "lamp"}, "toward must be three numbers, got 'lamp'"),
+    ):
+        with pytest.raises(InputError, match=words):
+            probe(spec, at, **keys)

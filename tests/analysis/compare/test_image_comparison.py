@@ -232,7 +232,6 @@ SMALL, TALL = np.full((4, 5, 3), 0.5), np.ones((5, 4, 3))
         (SMALL, SMALL, {"fail_above": {"ssim": 0.9}}, "SSIM is better when it is larger, so it fails below its bound"),
         (SMALL, SMALL, {"fail_below": {"mae": 0.9}}, "MAE is better when it is smaller, so it fails above"),
         (SMALL, SMALL, {"fail_above": {"mae": math.nan}}, "must be a number"),
-        (SMALL, SMALL, {"alpha": 1.0}, "alpha must lie between 0 and 1"),
     ],
 )
 def test_what_is_wrong_is_said(a, b, settings, words):

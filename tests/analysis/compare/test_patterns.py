@@ -121,7 +121,8 @@ def test_what_would_have_been_found_is_found_nine_times_of_ten(what):
     }
     found = {}
     for part in (0.3, 1.0):
-        pairs = [(render(rng, changes[what](part), 1.0), render(rng, SCENE, 1.0)) for _ in range(40)]
+        changed = changes[what](part)
+        pairs = [(render(rng, changed, 1.0), render(rng, SCENE, 1.0)) for _ in range(40)]
         found[part] = sum(z_test(*a, *b, alike=True).pattern_p < 1e-3 / 8 for a, b in pairs)
     # Binomial: 36 of 40 with a standard deviation of 1.9; slopes by differences tell a shift too large by a tenth.
     assert POWER == 0.9

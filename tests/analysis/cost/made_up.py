@@ -7,6 +7,7 @@ import math
 from collections import namedtuple
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -35,6 +36,12 @@ def scene_of(folder, width=160, height=112):
     path = folder / "scene.yaml"
     path.write_text(SCENE.format(width=width, height=height))
     return load(path)
+
+
+@lru_cache(maxsize=8)
+def noise(seed, spp, tiles):
+    """The same for the same seed, whatever the scene, as with common random numbers."""
+    return np.random.default_rng((seed, spp)).standard_normal((tiles, TILE_SIZE, TILE_SIZE, 3))
 
 
 @dataclass
@@ -91,22 +98,21 @@ class World:
         factors = self.unevenness(windows)
 
         def picture(n):
-            """The same noise for the same seed, whatever the scene, as with common random numbers."""
-            noise = np.random.default_rng((seed, n)).standard_normal((len(windows), TILE_SIZE, TILE_SIZE, 3))
             mse = self.mse(n) * self.noisier(prepared) * factors
             deviation = self.brightness * math.sqrt(1.0 + FLOOR**2) * np.sqrt(mse)
-            return value + deviation[:, None, None, None] * noise
+            return value + deviation[:, None, None, None] * noise(seed, n, len(windows))
 
         pixels = np.array([(w.right - w.left) * (w.bottom - w.top) for w in windows])
         shaken = np.exp(self.jitter * np.random.default_rng(len(self.calls)).standard_normal())
         busy = self.per_sample * spp * pixels * factors * self.slower(prepared) * shaken
         count = np.full((len(windows), TILE_SIZE, TILE_SIZE), spp)
+        pictures = {n: picture(n) for n in {spp, *keep}}
         return RenderedTiles(
-            mean=picture(spp),
+            mean=pictures[spp],
             count=count,
             rays=3 * spp * pixels,
             busy=busy,
             seconds=float(busy.sum()) / threads,
             nan_samples=self.bad,
-            levels={n: picture(n) for n in keep},
+            levels={n: pictures[n] for n in keep},
         )

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -86,6 +87,7 @@ MACHINE = {
 }
 
 
+@cache
 def measured(width, height, part):
     rng = np.random.default_rng(1)
     rows, columns = -(-height // 16), -(-width // 16)

@@ -231,7 +231,7 @@ def test_the_pace_is_that_of_the_whole_picture(tmp_path):
     world = World(per_sample=1e-5)
     spec = scene_of(tmp_path, 640, 400)
     windows = split_into_tiles(Window(0, 0, 640, 400))
-    subject = Subject(world.prepare(spec, None), world.bench(), 4)  # type: ignore[arg-type]
+    subject = Subject(world.prepare(spec, None), world.bench(), 4)
     assert warm_up(subject, windows, 0) == pytest.approx(4e5 / world.unevenness(windows).mean(), rel=0.1)
     # The first look takes no longer than a look.
     assert sum(count * spp for count, spp, _ in world.calls) * 256 / 4e5 < 3.0

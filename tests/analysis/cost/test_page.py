@@ -38,7 +38,6 @@ def test_the_ratio_of_times_is_seen_without_scrolling(report, open_page, size, c
     shown = open_page(report, size=size, color_scheme=color_scheme)
     assert shown.evaluate("document.documentElement.scrollWidth <= innerWidth")
     box = shown.get_by_role("button", name="time against the scene").bounding_box()
-    assert box is not None
     assert box["x"] + box["width"] <= size[0]
     letters = shown.locator("figure[data-chart=convergence] text")
     assert min(letters.evaluate_all("all => all.map((one) => one.getBoundingClientRect().height)")) > 7.0
@@ -46,10 +45,9 @@ def test_the_ratio_of_times_is_seen_without_scrolling(report, open_page, size, c
 
 def test_the_fit_tells_error_and_time(report, open_page):
     shown = open_page(report)
-    (low, high), _ = shown.evaluate("data.charts.convergence.ranges")
+    (low, high), (bottom, top) = shown.evaluate("data.charts.convergence.ranges")
     point = STUDY.prediction.points[-1]
     x = np.log(point.seconds / low) / np.log(high / low)
-    (bottom, top) = shown.evaluate("data.charts.convergence.ranges[1]")
     y = np.log(100.0 * point.error.value / bottom) / np.log(top / bottom)
     label, time, error = point_at(shown, "convergence", float(x), float(y))
     assert label in ("measured", "fit to what was measured")
@@ -68,14 +66,10 @@ def test_the_map_tells_the_error_of_the_pixels_there(report, open_page):
         block = STUDY.error_map[row // step * step :, column // step * step :][:step, :step]
         expected = 100.0 * np.sqrt(np.nanmean(block**2))
         assert float(error.removeprefix("error (%): ")) == pytest.approx(expected, rel=0.01)
-    row, column = np.argwhere(np.isnan(shown_blocks(shown)))[0] * step
+    blocks = np.array(shown.evaluate("data.charts.map.grid.values"), dtype=np.float64)
+    row, column = np.argwhere(np.isnan(blocks))[0] * step
     said = point_at(shown, "map", (column + 0.5) / width, 1.0 - (row + 0.5) / height)
     assert said == [f"x {column}, y {row}", "error (%): not measured"]
-
-
-def shown_blocks(shown):
-    """The errors of blocks of pixels, as the page has them."""
-    return np.array(shown.evaluate("data.charts.map.grid.values"), dtype=np.float64)
 
 
 def test_the_table_is_sorted_by_numbers_with_the_unknown_last(report, open_page):

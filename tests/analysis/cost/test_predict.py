@@ -12,10 +12,16 @@ from raytracer.analysis.cost.study_options import StudySettings
 from raytracer.analysis.cost.tile_sample import choose_tiles
 from raytracer.core.error_estimate.metric import error_weights, mse_by_tile
 from raytracer.film.window import Window
-from raytracer.rendering.tile_scheduler import TILE_SIZE, split_into_tiles
+from raytracer.rendering.tile_scheduler import TILE_SIZE
 
-WINDOWS = split_into_tiles(Window(0, 0, 16 * TILE_SIZE, 8 * TILE_SIZE))
-PIXELS = 16 * 8 * TILE_SIZE * TILE_SIZE
+# Tiles of which only 8 x 8 pixels lie within the film, since noise takes time to draw.
+EDGE = 8
+WINDOWS = [
+    Window(x, y, x + EDGE, y + EDGE)
+    for y in range(0, 8 * TILE_SIZE, TILE_SIZE)
+    for x in range(0, 16 * TILE_SIZE, TILE_SIZE)
+]
+PIXELS = len(WINDOWS) * EDGE**2
 
 # Noise and time by tile, as different as those of a lamp and a sky.
 LEVEL = np.random.default_rng(11).lognormal(0.0, 1.0, len(WINDOWS))
@@ -31,8 +37,8 @@ def replicates(sample, rng, *, drift=0.0):
         n: 1.0 + math.sqrt(0.2 * 1.01 / n) * deviation * rng.standard_normal((4, len(sample.owner), 3))
         for n in (16, 64, 256)
     }
-    busy = 256e-6 * level * np.exp(drift * rng.standard_normal((4, 1)))
-    return Replicates(sample, means, busy, 256.0 * np.tile(level, (4, 1)), 0, 1.0)
+    rays = EDGE**2 * np.tile(level, (4, 1))
+    return Replicates(sample, means, 1e-6 * rays * np.exp(drift * rng.standard_normal((4, 1))), rays, 0, 1.0)
 
 
 def predicted(sample, seed, *, drift=0.0, known=True, budget=None):

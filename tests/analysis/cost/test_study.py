@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from raytracer.analysis.cost import predict as predicting
 from raytracer.analysis.cost.study import study
 from raytracer.analysis.cost.study_options import StudyOptions
 from raytracer.analysis.cost.text import study_text
@@ -15,9 +16,20 @@ from raytracer.util.errors import InputError
 from tests.analysis.cost.made_up import World, scene_of
 
 
+@pytest.fixture(autouse=True)
+def few_resamples(monkeypatch):
+    monkeypatch.setattr(predicting, "_RESAMPLES", 200)
+
+
 @pytest.fixture
 def spec(tmp_path):
     return scene_of(tmp_path)
+
+
+@pytest.fixture
+def little(tmp_path):
+    """A scene of twelve tiles, for what needs no statistics."""
+    return scene_of(tmp_path, 64, 48)
 
 
 def studied(spec, world, **options):
@@ -174,7 +186,7 @@ def test_another_sampler_has_a_slope_of_its_own(spec):
     assert row.noise_ratio.value == pytest.approx(ratio, rel=0.05)
 
 
-def test_a_variant_that_cannot_be_packed_says_so_in_its_row(spec, monkeypatch):
+def test_a_variant_that_cannot_be_packed_says_so_in_its_row(little, monkeypatch):
     world = World()
     prepare = world.prepare
 
@@ -184,7 +196,7 @@ def test_a_variant_that_cannot_be_packed_says_so_in_its_row(spec, monkeypatch):
         return prepare(scene, packed)
 
     monkeypatch.setattr(world, "prepare", broken)
-    found = studied(spec, world, variants=["accuracy=fast", "accuracy=robust"])
+    found = studied(little, world, variants=["accuracy=fast", "accuracy=robust"])
     assert variant(found, "accuracy=fast").failed == "there is nothing left"
     assert math.isnan(variant(found, "accuracy=fast").time.value)
     assert variant(found, "accuracy=robust").failed == ""
@@ -256,25 +268,25 @@ def test_small_pictures(tmp_path, width, height):
         assert any("one tile" in warning for warning in found.warnings)
 
 
-def test_an_interrupt_leaves_what_there_is(spec):
+def test_an_interrupt_leaves_what_there_is(little):
     whole = World()
-    studied(spec, whole, variants=["defocus"], rounds=9)
+    studied(little, whole, variants=["defocus"], rounds=9)
     before_rounds = len(whole.calls) - 27
     # In round 5, of which 4 are whole.
-    found = studied(spec, replace(whole, calls=[], interrupt_after=before_rounds + 3 * 4 + 1), variants=["defocus"])
+    found = studied(little, replace(whole, calls=[], interrupt_after=before_rounds + 3 * 4 + 1), variants=["defocus"])
     assert found.interrupted
     assert found.rounds == 4
     assert variant(found, "defocus").time.value == pytest.approx(1.0, abs=0.1)
     assert any("4 of 9 rounds" in warning for warning in found.warnings)
     # Before a second round, or while variants are made ready.
     for calls in (before_rounds + 4, before_rounds - 1):
-        found = studied(spec, replace(whole, calls=[], interrupt_after=calls), variants=["defocus"])
+        found = studied(little, replace(whole, calls=[], interrupt_after=calls), variants=["defocus"])
         assert found.interrupted
         assert found.variants == ()
         assert found.prediction.target_spp.value > 1.0
     # Before there is a prediction.
     with pytest.raises(KeyboardInterrupt):
-        studied(spec, replace(whole, calls=[], interrupt_after=5), variants=["defocus"])
+        studied(little, replace(whole, calls=[], interrupt_after=5), variants=["defocus"])
 
 
 @pytest.mark.parametrize(
@@ -301,9 +313,6 @@ def test_what_makes_a_prediction_doubtful_is_warned_of(spec, world, options, wha
         ({"target": math.nan}, "target nan"),
         ({"budget": -1.0}, "budget -1"),
         ({"rounds": 8}, "rounds 8: must be at least 9"),
-        ({"rounds": 1001}, "rounds 1001: must be at most 1000"),
-        ({"tiles": 0}, "tiles 0: must be at least 16"),
-        ({"tiles": 15}, "tiles 15: must be at least 16"),
         ({"variants": ["defocsu"]}, "did you mean 'defocus'?"),
         ({"variants": ["environment"]}, "no variant without environment: it is all the light"),
     ],
@@ -331,9 +340,9 @@ def test_where_noise_is_rare_most_tiles_are_measured_where_it_is(tmp_path):
     )
 
 
-def test_no_number_of_samples_reaches_a_target_below_the_bias(spec):
+def test_no_number_of_samples_reaches_a_target_below_the_bias(little):
     world = World(brighter=lambda prepared: 0.95 if is_short(prepared) else 1.0)
-    row = variant(studied(spec, world, variants=["max_depth=2"]), "max_depth=2")
+    row = variant(studied(little, world, variants=["max_depth=2"]), "max_depth=2")
     assert row.target_spp is None
     assert row.target_seconds is None
     assert "bias" in row.why_blank
@@ -351,14 +360,13 @@ def test_brightness_is_certain_where_all_tiles_are_measured(spec):
             return patch._replace(mean=patch.mean * factors[:, None, None, None])
 
     row = variant(studied(spec, Lit(), variants=["max_depth=2"]), "max_depth=2")
-    assert row.brightness is not None
     assert row.brightness.low <= 0.0 <= row.brightness.high
     assert row.brightness.high - row.brightness.low < 0.02
 
 
-def test_all_variants_of_a_round_have_one_seed_and_the_control_another(spec):
+def test_all_variants_of_a_round_have_one_seed_and_the_control_another(little):
     world = World()
-    found = studied(spec, world, variants=["defocus"])
+    found = studied(little, world, variants=["defocus"])
     last = world.calls[-27:-18]
     assert {spp for _, spp, _ in last} == {found.variants[0].spp}
     in_rounds = [[seed for _, _, seed in last[3 * r : 3 * r + 3]] for r in range(3)]
@@ -369,8 +377,8 @@ def test_all_variants_of_a_round_have_one_seed_and_the_control_another(spec):
     assert len({seed for row in in_rounds for seed in row}) == 6
 
 
-def test_the_same_seed_finds_the_same(spec):
-    first, again, other = (studied(spec, World(), variants=["defocus"], seed=seed) for seed in (3, 3, 4))
+def test_the_same_seed_finds_the_same(little):
+    first, again, other = (studied(little, World(), variants=["defocus"], seed=seed) for seed in (3, 3, 4))
     assert first.prediction.points[0].error == again.prediction.points[0].error
     assert first.variants[2].noise == again.variants[2].noise
     assert first.prediction.points[0].error != other.prediction.points[0].error
@@ -412,9 +420,9 @@ def test_a_slow_scene_is_measured_on_few_tiles_and_says_so(tmp_path):
     assert spent < 4 * 60
 
 
-def test_progress_goes_from_phase_to_phase(spec):
+def test_progress_goes_from_phase_to_phase(little):
     seen = []
-    studied(spec, World(), variants=["defocus"], progress=seen.append)
+    studied(little, World(), variants=["defocus"], progress=seen.append)
     phases = list(dict.fromkeys(progress.phase for progress in seen))
     assert phases == ["pack", "plan", "prepare", "warm up", "predict", "develop", "compile variants", "compare"]
     for phase in ("predict", "compile variants", "compare"):

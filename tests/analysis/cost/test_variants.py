@@ -69,8 +69,8 @@ def active(spec, scene):
     return {name for name, effect in effects_of(spec, scene).items() if effect.active}
 
 
-def without(spec, name):
-    packed = pack(spec)
+def without(spec, name, packed=None):
+    packed = packed or pack(spec)
     (variant,) = [item for item in make_variants(packed.spec, packed) if item.name == name]
     made = variant.pack(packed.spec)
     return made.spec, variant.packed_variant(made.scene)
@@ -296,16 +296,17 @@ def test_a_lens_loses_what_is_left_out_and_nothing_else():
 
 def test_a_lens_of_glass_goes_as_a_whole_or_by_what_it_does():
     spec = small(camera=GLASS)
-    reasons = reasons_without_variant(spec, pack(spec))
+    packed = pack(spec)
+    reasons = reasons_without_variant(spec, packed)
     assert all("see real_lens" in reasons[name] for name in ("defocus", "vignetting"))
     assert "projection" in reasons
-    dark = without(spec, "flare")[1]
+    dark = without(spec, "flare", packed)[1]
     assert dark.camera.flare is None
     assert dark.spectrum is not None
-    grey = without(spec, "dispersion")[1]
+    grey = without(spec, "dispersion", packed)[1]
     assert grey.spectrum is None
     assert grey.camera.surfaces.indices is None
-    assert without(spec, "aperture_shape")[1].camera.surfaces.diaphragm is None
+    assert without(spec, "aperture_shape", packed)[1].camera.surfaces.diaphragm is None
 
 
 BALL = "[{type: sphere, center: [0, 0, -5], radius: 1, motion: {velocity: [0, 1, 0]}}]"
@@ -358,17 +359,6 @@ def test_the_environment_goes_without_its_sun_or_its_sampling():
     assert not any(isinstance(table, Background) for table in scene.lights.tables)
     assert scene.lights.background_tables is scene.environment
     assert len(scene.lights.tables) == len(pack(spec).scene.lights.tables) - 1
-    assert without(small(environment="{type: sky}"), "environment_sampling")[1].lights is None
-
-
-def test_a_flash_takes_its_pulses_along():
-    spec = small(
-        camera="{type: pinhole, shutter: {duration: 1/50 s, readout: 1/100 s}}",
-        lights="[{type: flash, energy: 1, position: [0, 1, 0]}]",
-    )
-    assert pack(spec).scene.shutter.pulses is not None
-    _, scene = without(spec, "light.flash")
-    assert (scene.shutter, scene.lights) == (None, None)
 
 
 FOGS = """{
@@ -473,12 +463,33 @@ def test_what_takes_the_place_of_a_material(material, name, path, value):
     assert found == (value if value is None or isinstance(value, str) else pytest.approx(value, rel=1e-12))
 
 
-def test_what_goes_with_a_material_goes_from_the_packed_scene():
-    assert without(of(f"{{type: cutout, material: {SHINY}, opacity: 0.5}}"), "material.cutout")[1].transparency is None
-    scene = without(of(TEXTURED), "texture.checker")[1]
-    assert scene.normal_mapping is None
-    assert len(scene.textures) == 1
-    boundary = of("{type: boundary}")
+FLASH = {
+    "camera": "{type: pinhole, shutter: {duration: 1/50 s, readout: 1/100 s}}",
+    "lights": "[{type: flash, energy: 1, position: [0, 1, 0]}]",
+}
+SHAKEN = {"camera": "{type: pinhole, shutter: 1/10 s, shake: {amplitude: 0.1, bandwidth: 10}}"}
+
+
+@pytest.mark.parametrize(
+    ("spec", "name", "gone"),
+    [
+        (small(**FLASH), "light.flash", "shutter lights"),
+        (small(**SHAKEN), "camera_shake", "shutter"),
+        (small(environment="{type: sky}"), "environment_sampling", "lights"),
+        (of(f"{{type: cutout, material: {SHINY}, opacity: 0.5}}"), "material.cutout", "transparency"),
+        (of(TEXTURED), "texture.checker", "normal_mapping"),
+    ],
+)
+def test_what_goes_with_an_effect_goes_from_the_packed_scene(spec, name, gone):
+    packed = pack(spec)
+    scene = without(spec, name, packed)[1]
+    assert all(getattr(packed.scene, part) is not None and getattr(scene, part) is None for part in gone.split())
+    assert name != "texture.checker" or len(scene.textures) == 1
+
+
+def test_what_has_no_variant_of_its_own_says_so():
+    shaken, boundary = small(**SHAKEN), of("{type: boundary}")
+    assert "camera_shake" in reasons_without_variant(shaken, pack(shaken))["motion_blur"]
     assert {"material.boundary", "passage"} <= set(reasons_without_variant(boundary, pack(boundary)))
 
 
@@ -500,13 +511,6 @@ def test_what_is_the_same_picture_is():
             deviation = np.sqrt((found.var(ddof=1) + expected.var(ddof=1)) / 4.0)
             assert abs(found.mean() - expected.mean()) < 5.0 * deviation
             assert deviation < 0.01 * expected.mean()
-
-
-def test_a_shaking_camera_is_held_and_has_no_second_variant():
-    spec = small(camera="{type: pinhole, shutter: 1/10 s, shake: {amplitude: 0.1, bandwidth: 10}}")
-    _, scene = without(spec, "camera_shake")
-    assert scene.shutter is None
-    assert "camera_shake" in reasons_without_variant(spec, pack(spec))["motion_blur"]
 
 
 def test_paths_are_offered_where_they_find_all_light():

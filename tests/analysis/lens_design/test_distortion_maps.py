@@ -36,7 +36,7 @@ def mapped(name, **settings):
 @pytest.mark.parametrize("name", NAMES)
 def test_the_inverse_undoes_the_map(name):
     found = mapped(name)
-    points = found.grid.points()
+    points = found.grid.points()[::7]
     for there, back in ((found.undistorted, found.distorted), (found.distorted, found.undistorted)):
         again = back(there(points))
         lit = np.isfinite(again).all(axis=-1)

@@ -63,10 +63,11 @@ def test_all_of_the_study_is_on_the_page(report, gauss, open_page):
         assert len(chart.legend()) <= 8
 
 
-@pytest.mark.parametrize(("color_scheme", "ink"), [("light", "rgb(27, 29, 33)"), ("dark", "rgb(228, 230, 234)")])
-def test_the_page_can_be_read_on_a_narrow_screen(report, open_page, color_scheme, ink):
-    shown = open_page(report, size=(400, 700), color_scheme=color_scheme)
-    assert shown.locator("#mtf svg text").first.evaluate("one => getComputedStyle(one).fill") == ink
+def test_the_page_can_be_read_on_a_narrow_screen(report, open_page):
+    shown = open_page(report, size=(400, 700))
+    for scheme, ink in (("light", "rgb(27, 29, 33)"), ("dark", "rgb(228, 230, 234)")):
+        shown.emulate_media(color_scheme=scheme)
+        assert shown.locator("#mtf svg text").first.evaluate("one => getComputedStyle(one).fill") == ink
     assert shown.evaluate("document.documentElement.scrollWidth <= innerWidth")
     # All of the lens and the film are in the window, with letters that can be read.
     for part in ("[id*=glass-0-0]", "[id*=film-0]"):
@@ -103,22 +104,25 @@ def test_charts_can_be_saved(report, open_page, gauss):
 def test_a_lens_with_cylinders_and_a_hostile_name_has_both_planes_on_its_page(tmp_path, open_page):
     evil = '</script><img src="http://example.org/x.png"><b>'
     lens = cylinder_pair()
+    whole = study_lens(lens, QUICK)
+    found = few(whole)
     path = tmp_path / "cylinders.html"
-    found = study_lens(lens, QUICK)
     path.write_bytes(page(lens, found._replace(name=evil, source=evil)))
     shown = open_page(path)
     assert shown.locator("h1").inner_text() == evil
     assert shown.locator("img").count() == 0
     assert shown.locator("#drawing .wide svg").count() == 2
-    keys = [chart.key for group in plots.chart_groups(found) for chart in group.charts]
-    assert sorted(shown.evaluate("Object.keys(data.charts)")) == sorted(set(keys)) == sorted(keys)
+    whole, keys = ([chart.key for group in plots.chart_groups(of) for chart in group.charts] for of in (whole, found))
+    assert len(set(whole)) == len(whole) > len(keys)
+    assert sorted(shown.evaluate("Object.keys(data.charts)")) == sorted(keys)
     assert shown.locator("[data-chart] > svg").count() == len(keys)
     assert "First order, in the plane of x" in shown.locator("h2").all_inner_texts()
     assert shown.locator("#seidel-sums").count() == 0
 
 
-def test_the_book_is_the_same_each_time(gauss):
-    lens, found = gauss[0], few(gauss[1])
+def test_the_book_is_the_same_each_time():
+    lens = plano_convex()
+    found = few(study_lens(lens, QUICK))
     first = paper.pdf(lens, found)
     assert first.startswith(b"%PDF-")
     # First order, spots, charts, and tables.
@@ -131,7 +135,7 @@ def test_a_drawing_in_pixels_whatever_its_name(gauss):
     data = paper.png(gauss[0], gauss[1]._replace(name=r"$\frac{$"))
     with PIL.Image.open(io.BytesIO(data)) as picture:
         assert picture.width > 1200
-        values = np.asarray(picture.convert("RGB"), np.float64)
+        values = np.asarray(picture.convert("RGB"))[::2, ::2].astype(np.int16)
     assert 0.7 < (values.min(axis=2) > 250).mean() < 0.98
     # Blue glass and brown.
     assert (np.abs(values - (178, 213, 236)).max(axis=2) < 25).mean() > 0.005
@@ -204,5 +208,4 @@ def test_what_comes_from_outside_is_escaped_in_files(gauss):
     assert "<script>" not in written
     assert "&lt;script&gt;" in written
     (title, *_) = ET.fromstring(written).iter("{http://www.w3.org/2000/svg}title")
-    assert title.text is not None
     assert title.text.startswith(evil)

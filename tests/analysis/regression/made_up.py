@@ -58,10 +58,14 @@ class MadeUp:
         return self
 
 
+def keep(path, found, **settings):
+    """Render a reference into a file."""
+    save_reference(path, *render_reference.render_reference(found, **settings))
+    return path
+
+
 def reference(folder, name="ball", spp=4096, width=None):
     scene = folder / f"{name}.yaml"
     scene.write_text(SCENE, encoding="utf-8")
     found = render_reference.prepare_reference_scene(scene, folder / "references", {}, width)
-    path = folder / "references" / f"{name}.npz"
-    save_reference(path, *render_reference.render_reference(found, spp=spp))
-    return path
+    return keep(folder / "references" / f"{name}.npz", found, spp=spp)

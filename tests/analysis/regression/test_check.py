@@ -18,7 +18,7 @@ from raytracer.analysis.regression.check import (
 from raytracer.analysis.regression.reference_file import Recipe, Reference, load_reference, save_reference
 from raytracer.scene.load import load
 from raytracer.util.errors import InputError
-from tests.analysis.regression.made_up import HEIGHT, SCENE, WIDTH, MadeUp, reference
+from tests.analysis.regression.made_up import HEIGHT, SCENE, WIDTH, MadeUp, keep, reference
 
 
 @pytest.fixture
@@ -75,8 +75,10 @@ def test_a_planted_fault_fails_and_is_named(change, reason, renders, path):
     assert change is not wrong_tile or np.unravel_index(np.argmax(farthest), farthest.shape) == (1, 3)
 
 
-def test_of_two_hundred_other_seeds_hardly_one_fails(renders, path):
-    assert sum(not check_reference(path, CheckOptions(spp=256, seed=seed)).passed for seed in range(200)) <= 2
+def test_of_two_hundred_other_seeds_hardly_one_fails(renders, scene, tmp_path):
+    found = render_reference.prepare_reference_scene(scene, tmp_path, {}, 24)
+    path = keep(tmp_path / "ball.npz", found)
+    assert sum(not check_reference(path, CheckOptions(spp=256, seed=i), scene=found).passed for i in range(200)) <= 2
 
 
 # ---- What can be found
@@ -117,8 +119,8 @@ def test_samples_are_as_many_as_the_change_takes():
 
 def test_what_a_check_is_to_find_it_finds_nearly_always(monkeypatch, tmp_path):
     # So noisy that 256 samples do not do.
-    renders = MadeUp(sigma=1.8).install(monkeypatch)
-    path = reference(tmp_path)
+    renders = MadeUp(sigma=0.9).install(monkeypatch)
+    path = reference(tmp_path, width=24)
     kept = load_reference(path)
     spp = samples_to_detect(kept)
     assert 400 < spp < 4096
@@ -174,37 +176,33 @@ def test_samples_that_are_not_finite_fail_unless_the_reference_had_some(renders,
     assert check_reference(reference(tmp_path, "other")).passed
 
 
+METERED = {"metering": "average", "exposure_gain": 2.0}
+BALANCED = {"white_balance_gains": "0.5,1.0,2.0"}
+
+
 @pytest.mark.parametrize(
-    ("keys", "image"),
+    ("key", "image", "gains", "higher"),
     [
-        ("camera.exposure", {"metering": "average", "exposure_gain": 2.0}),
-        ("film.white_balance", {"white_balance_gains": "0.5,1.0,2.0"}),
+        ("camera.exposure", METERED, (2.0, 2.0, 2.0), METERED | {"exposure_gain": 2.1}),
+        ("film.white_balance", BALANCED, (0.5, 1.0, 2.0), {"white_balance_gains": "0.525,1.05,2.1"}),
     ],
 )
-def test_gains_that_are_measured_do_not_fail_by_their_own_noise(keys, image, renders, scene, tmp_path):
+def test_gains_that_are_measured_do_not_fail_by_their_own_noise(key, image, gains, higher, renders, scene, tmp_path):
+    path = tmp_path / "ball.npz"
     renders.settings = image
-    found = render_reference.prepare_reference_scene(scene, tmp_path, {keys: "auto"}, None)
-    made = render_reference.render_reference(found)
-    save_reference(tmp_path / "ball.npz", *made)
-    gains = np.array([2.0] * 3 if "exposure_gain" in image else [0.5, 1.0, 2.0])
-    assert made.recipe.gains == tuple(gains)
+    keep(path, render_reference.prepare_reference_scene(scene, tmp_path, {key: "auto"}, None))
+    assert load_reference(path).recipe.gains == gains
     # All is brighter by 5 %, since the gain is.
-    renders.change = lambda picture: 1.05 * picture
-    renders.settings = {
-        name: ",".join(str(1.05 * gain) for gain in gains) if name == "white_balance_gains" else 2.1
-        for name in image
-        if name != "metering"
-    } | ({"metering": "average"} if "metering" in image else {})
-    first = check_reference(tmp_path / "ball.npz")
+    renders.change, renders.settings = lambda picture: 1.05 * picture, higher
+    first = check_reference(path)
     assert first.passed
     # Brought to the gains of the reference, it is as noisy: variance goes with the square of light.
     renders.change, renders.settings = lambda picture: picture, image
-    second = check_reference(tmp_path / "ball.npz")
+    second = check_reference(path)
     np.testing.assert_allclose(first.image.variance, second.image.variance)
     # It is not the gain.
     renders.change = lambda picture: 1.05 * picture
-    renders.settings = image
-    assert not check_reference(tmp_path / "ball.npz").passed
+    assert not check_reference(path).passed
 
 
 # ---- What is wrong
@@ -225,8 +223,7 @@ def test_a_file_of_the_scene_that_has_changed_is_named(renders, scene):
     mesh, path = scene.with_name("mesh.obj"), scene.with_name("ball.npz")
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     scene.write_text(SCENE + "  - {type: mesh, file: mesh.obj, material: {type: lambertian}}\n", encoding="utf-8")
-    found = render_reference.prepare_reference_scene(scene, scene.parent)
-    save_reference(path, *render_reference.render_reference(found))
+    keep(path, render_reference.prepare_reference_scene(scene, scene.parent))
     assert check_reference(path).changes == ()
     mesh.write_text(mesh.read_text().replace("1 0 0", "2 0 0"))
     assert check_reference(path).changes == ("mesh.obj",)
@@ -255,7 +252,7 @@ def test_a_scene_that_is_built_in_code_is_checked_by_code_alone(renders, scene):
     folder, path = scene.parent, scene.with_name("ball.npz")
     found = render_reference.prepare_reference_scene(load(scene), folder, {"camera.vfov": 30}, 24)
     assert (found.spec.film.width, found.spec.camera.vfov) == (24, 30)
-    save_reference(path, *render_reference.render_reference(found))
+    keep(path, found)
     assert check_reference(path, scene=found).passed
     result = check_reference(path)
     assert result.outcome == "skipped"
@@ -300,12 +297,5 @@ def test_references_are_found_by_name(renders, tmp_path):
     folder = tmp_path / "references"
     assert [path.name for path in find_references(folder)] == ["ball.npz", "cube.npz"]
     assert [path.name for path in find_references(folder, ["cube"])] == ["cube.npz"]
-    (tmp_path / "empty").mkdir()
-    for place, names, words in (
-        (folder, ["bal"], "no reference 'bal': did you mean 'ball'"),
-        (tmp_path / "nowhere", [], "nowhere: no such folder"),
-        (folder / "ball.npz", [], "is no folder"),
-        (tmp_path / "empty", [], "has no references: rt reference SCENE -o"),
-    ):
-        with pytest.raises(InputError, match=words):
-            find_references(place, names)
+    with pytest.raises(InputError, match="is no folder"):
+        find_references(folder / "ball.npz")

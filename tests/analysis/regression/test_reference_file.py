@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from raytracer.analysis.regression import reference_file
 from raytracer.analysis.regression.reference_file import Recipe, load_reference, save_reference
 from raytracer.util.errors import InputError
 
@@ -95,15 +96,16 @@ def test_what_is_pickled_is_not_run(tmp_path):
     assert not marker.exists()
 
 
-def test_a_reference_is_not_unpacked_beyond_what_one_has(tmp_path):
-    # 400 KB that unpack to 400 MB, of which 64 MiB are the most that are taken, and held twice.
+def test_a_reference_is_not_unpacked_beyond_what_one_has(tmp_path, monkeypatch):
+    # 50 KB that unpack to 40 MB, of which 4 MiB (in place of 64) are the most that are taken, and held twice.
+    monkeypatch.setattr(reference_file, "_LARGEST_FILE", 1 << 22)
     buffer = io.BytesIO()
-    huge = np.zeros((130_000, 128, 3), np.float32)
+    huge = np.zeros((26_000, 128, 3), np.float32)
     np.savez_compressed(buffer, mean=huge, variance=huge[:1], settings=np.array(json.dumps(RECIPE._asdict())))
     (tmp_path / "a.npz").write_bytes(buffer.getvalue())
-    assert len(buffer.getvalue()) < 1_000_000
+    assert len(buffer.getvalue()) < 100_000
     tracemalloc.start()
     refused(tmp_path / "a.npz")
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < 150_000_000
+    assert peak < 10_000_000

@@ -67,7 +67,7 @@ def test_one_axis_fills_rows(zipped):
 def test_a_sheet_of_many_large_pictures_is_bounded(monkeypatch):
     monkeypatch.setattr(contact_sheet, "_AREA", 1.0e6)
     axes = tuple(Axis(f"a.{name}", tuple(range(10)), tuple("0123456789")) for name in "xy")
-    large = np.zeros((480, 640, 3), dtype=np.uint8)
+    large = np.zeros((240, 320, 3), dtype=np.uint8)
     size = contact_sheet.draw_sheet(made_up(None, axes), lambda taken: large).size
     assert 0.7e6 < size[0] * size[1] <= 1.0e6
 

@@ -42,18 +42,9 @@ def test_single_values_are_the_same_for_all_points(scene):
 
 
 def test_a_file_of_a_sweep(scene):
-    path = sweep_file(
-        scene,
-        """\
-scene: scene.yaml
-define: {film.width: 16, camera.look_at: [0, 1, 0]}
-sweep:
-  camera.f_number: 1.4..4
-  camera.focus_distance: [4, 1/2 m, inf]
-zip: false
-""",
-    )
-    plan = make_plan(path, {})
+    axes = "{camera.f_number: 1.4..4, camera.focus_distance: [4, 1/2 m, inf]}"
+    define = "{film.width: 16, camera.look_at: [0, 1, 0]}"
+    plan = make_plan(sweep_file(scene, f"{{scene: scene.yaml, define: {define}, sweep: {axes}, zip: false}}"), {})
     assert plan.spec.film.width == 16
     assert plan.spec.camera.look_at == (0.0, 1.0, 0.0)
     assert [axis.labels for axis in plan.axes] == [("1.4", "2", "2.8", "4"), ("4", "1/2 m", "inf")]

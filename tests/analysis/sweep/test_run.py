@@ -386,13 +386,9 @@ def test_pictures_of_another_sweep_are_left_and_told(swept, folder):
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
-        ({"formats": ["tiff"]}, "unknown suffix '.tiff'"),
-        ({"animate": ["mp4"]}, "gif, webp, png"),
         ({"animate": ["gif"], "fps": 0.0}, "--fps"),
-        ({"max_points": 5}, "more than the 5"),
         ({"values": {"render.spp": "1,2"}, "spp": 3}, "--spp stands in place of render.spp"),
         ({"values": {"render.seed": "1,2"}, "seed": 3}, "--seed stands in place of render.seed"),
-        ({"folder": Path(__file__)}, "is a file, not a folder"),
     ],
 )
 def test_wrong_settings_are_told_before_anything(swept, bench, settings, says):
@@ -515,8 +511,8 @@ def test_a_sweep_has_the_bits_of_single_renders(ball):
 def test_a_point_that_was_broken_off_is_gone_on_with(ball, folder, monkeypatch, damaged):
     """Its samples lie beside the records until it is done; where they are of no use it begins anew."""
     monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
-    values, settings, seen, sentences = {"camera.vfov": "30,40"}, {"spp": 4000, "formats": ["npy"]}, [], []
-    whole = sweep(ball, values, spp=4000).images
+    values, settings, seen, sentences = {"camera.vfov": "30,40"}, {"spp": 2000, "formats": ["npy"]}, [], []
+    whole = sweep(ball, values, spp=2000).images
 
     def interrupt(done):
         if done.share > 0.6:
