@@ -1,7 +1,7 @@
 """What is switched off is not there: the same bits, the same rays, and the same machine code as if never named.
 
-A scene's type is what gets compiled (docs/architecture.md), so one type, one kernel; what is compiled for the second of
-two such scenes, which is nothing, is asked of a process of its own.
+A scene's type is what gets compiled (docs/architecture.md), so one type, one kernel; that nothing is compiled for the
+second of two such scenes, tests/kernel/test_specialisation.py asks a process of its own.
 """
 
 import numba
@@ -10,10 +10,7 @@ import pytest
 
 from raytracer.rendering.render import render
 from raytracer.scene.pack.scene import pack
-from tests.kernel.test_specialisation import kernels, probe
 from tests.small_scenes import scene
-
-__all__ = ["kernels"]
 
 LOOK = "look_from: [0, 1, 4], look_at: [0, 0, 0]"
 STILL = """
@@ -78,7 +75,7 @@ PAIRS = {name: (off, STILL, plain) for name, (off, plain) in OFF.items()} | {
 
 
 def spec_of(camera, rest=STILL):
-    settings = {"width": 24, "height": 16, "spp": 8, "max_depth": 4, "sampler": "sobol", "filled": False}
+    settings = {"width": 24, "height": 16, "spp": 8, "max_depth": 4, "sampler": "sobol", "lit": True}
     return scene(f"camera: {{{LOOK}, {camera}}}\n{rest}", **settings)
 
 
@@ -135,10 +132,3 @@ def test_exposure_without_noise_and_with_it_is_one_kernel():
     assert len(types) == 1
     # Nor does metering, where there is no aperture whose light could be weighed.
     assert numba.typeof(packed(f"{ANGLE}, exposure: auto")) == numba.typeof(packed(ANGLE))
-
-
-def test_the_second_kernel_is_the_first(kernels):
-    assert kernels["plain"]["compiled"] > 10
-    assert kernels["plain"]["cache_misses"] == 1
-    off = probe(kernels.cache, "off")["off"]
-    assert (off["compiled"], off["cache_hits"], off["cache_misses"]) == (0, 1, 0)

@@ -26,7 +26,16 @@ VFOV = 40.0
 PIXEL = 2.0 * math.tan(math.radians(VFOV / 2.0)) / SIZE
 
 SKY = "environment: {type: constant, radiance: 1}\n"
-CAMERA = f"camera: {{type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: {VFOV}}}\n{SKY}"
+
+
+def lens(aperture=1e-6, rim=1e3, more=""):
+    """A lens with an opening and a rim (mm), or what is as good as a pinhole, 4 m from the origin."""
+    rims = f"vignetting: {{diameter: {rim}, distance: 30}}"
+    given = f"vfov: {VFOV}, focus_distance: 4, aperture: {aperture}, {rims}{more}"
+    return f"camera: {{type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], {given}}}\n{SKY}"
+
+
+CAMERA = lens()
 WALL = "{type: quad, name: wall, corner: [-9, -9, 0], edges: [[18, 0, 0], [0, 18, 0]], material: {type: lambertian}}"
 
 # What the scenes here have in common, so that all compile one kernel: behind the camera, where it sees nothing of it.
@@ -259,17 +268,11 @@ objects:
     assert picture.layers["coverage"][11:13, 13:16].mean() == pytest.approx(math.exp(-0.25 * 3.0), abs=0.04)
 
 
-EXPOSED = ", sensor: full_frame, sensor_fit: vertical, shutter: 1/60 s, iso: 100"
-
-
-def lens_layers(objects, aperture=1e-6, rim=1e3, exposed=EXPOSED):
-    """Layers of a scene by a lens (mm), or what is as good as a pinhole; with instances and something cut out."""
-    lens = f"type: thin_lens, vfov: {VFOV}, focus_distance: 4, aperture: {aperture}"
-    rims = f"vignetting: {{diameter: {rim}, distance: 30}}"
+def lens_layers(objects, **opening):
+    """Layers of an exposed scene by a lens, with instances and something cut out."""
     return layers(
         f"""
-camera: {{{lens}, look_from: [0, 0, 4], look_at: [0, 0, 0], {rims}{exposed}}}
-{SKY}
+{lens(**opening, more=", sensor: full_frame, sensor_fit: vertical, shutter: 1/60 s, iso: 100")}
 groups:
   pair:
     - {{type: sphere, center: [-0.5, 0, 0], radius: 0.4, material: {{type: lambertian, albedo: 0.25}}}}
@@ -285,6 +288,11 @@ objects:
         aovs=("coverage", "depth", "distance", "object_id", "material_id", "albedo"),
         max_depth=2,
     )
+
+
+def plain_layers(objects, **opening):
+    """Layers of a scene by a lens, of the type of most scenes here."""
+    return layers(f"{lens(**opening)}objects:\n{objects}{REST}")
 
 
 def test_what_light_passes_through_is_not_seen():
@@ -318,12 +326,12 @@ def test_instances_are_objects_of_their_own():
     assert names[str(picture.layers["material_id"][pixel(0.5, 0.6, 3.6)])] == "groups.pair[1].material"
 
 
-@pytest.mark.parametrize("exposed", ["", EXPOSED])
-def test_rays_that_a_rim_stops_are_no_holes_in_a_surface(exposed):
+@pytest.mark.parametrize("taken", [plain_layers, lens_layers])
+def test_rays_that_a_rim_stops_are_no_holes_in_a_surface(taken):
     # A wall fills the picture, and a rim cuts most of the light in its corners; what comes through sees the wall alone.
-    picture = lens_layers(f"  - {WALL}", aperture=25, rim=25, exposed=exposed)
+    picture = taken(f"  - {WALL}", aperture=25, rim=25)
     np.testing.assert_array_equal(picture.layers["coverage"], 1.0)
     np.testing.assert_array_equal(picture.layers["object_id"], 1)
     np.testing.assert_allclose(picture.layers["depth"], 4.0, rtol=1e-6)
-    open_lens = lens_layers(f"  - {WALL}", aperture=25, exposed=exposed).radiance
+    open_lens = taken(f"  - {WALL}", aperture=25).radiance
     assert picture.radiance[0, 0, 0] < 0.6 * open_lens[0, 0, 0]
