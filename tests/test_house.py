@@ -4,6 +4,7 @@ python -m tests.test_house [FOLDER]     lists what breaks a rule, of a folder's 
 """
 
 import ast
+import functools
 import sys
 
 import pytest
@@ -24,19 +25,19 @@ RIDDLES = ("What becomes", "Whether", "Where ", "How ", "That ", "Who ", "Why ")
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
-def functions(tree):
-    return (node for node in ast.walk(tree) if isinstance(node, FUNCTIONS))
+def functions(nodes):
+    return (node for node in nodes if isinstance(node, FUNCTIONS))
 
 
-def large_modules(name, tree, source):
+def large_modules(name, nodes, source):
     """Find a module of too many lines."""
     if len(source) > MAX_LINES:
         yield f"{name}: {len(source)} lines"
 
 
-def large_functions(name, tree, source):
+def large_functions(name, nodes, source):
     """Find functions of too many lines that hold code: no docstring, no comment, nothing blank."""
-    for function in functions(tree):
+    for function in functions(nodes):
         body = function.body[ast.get_docstring(function) is not None :]
         lines = source[body[0].lineno - 1 : body[-1].end_lineno] if body else []
         count = sum(1 for line in lines if line.strip() and not line.strip().startswith("#"))
@@ -44,9 +45,9 @@ def large_functions(name, tree, source):
             yield f"{name}:{function.lineno}: {function.name} has {count} lines of code"
 
 
-def many_parameters(name, tree, source):
+def many_parameters(name, nodes, source):
     """Find functions with too many parameters."""
-    for function in () if name.startswith(MANY_PARAMETERS) else functions(tree):
+    for function in () if name.startswith(MANY_PARAMETERS) else functions(nodes):
         given = function.args
         count = len(given.posonlyargs + given.args + given.kwonlyargs)
         count -= bool(given.args) and given.args[0].arg in {"self", "cls"}
@@ -54,22 +55,22 @@ def many_parameters(name, tree, source):
             yield f"{name}:{function.lineno}: {function.name} has {count} parameters"
 
 
-def nameless_functions(name, tree, source):
+def nameless_functions(name, nodes, source):
     """Find functions that no traceback and no search can name."""
-    yield from (f"{name}:{each.lineno}: a function is called _" for each in functions(tree) if each.name == "_")
+    yield from (f"{name}:{each.lineno}: a function is called _" for each in functions(nodes) if each.name == "_")
 
 
-def riddles(name, tree, source):
+def riddles(name, nodes, source):
     """Find docstrings that open with a question."""
-    for node in ast.walk(tree):
+    for node in nodes:
         text = ast.get_docstring(node) if isinstance(node, (*FUNCTIONS, ast.Module, ast.ClassDef)) else None
         if text is not None and text.startswith(RIDDLES):
             yield f"{name}:{getattr(node, 'lineno', 1)}: {text.splitlines()[0]}"
 
 
-def undescribed(name, tree, source):
+def undescribed(name, nodes, source):
     """Find public functions without a docstring; a case of a generic has that of its generic."""
-    for node in () if name.endswith("core/vec.py") else tree.body:
+    for node in () if name.endswith("core/vec.py") else nodes[0].body:
         if not isinstance(node, ast.FunctionDef) or node.name.startswith("_") or ast.get_docstring(node):
             continue
         if not any(ast.unparse(each).split("(")[0].endswith(".register") for each in node.decorator_list):
@@ -80,21 +81,23 @@ RULES = (large_modules, large_functions, many_parameters, nameless_functions, ri
 EVERY_RULE = pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
 
 
+def parsed(text):
+    """All nodes of a module, itself first, and its lines."""
+    return list(ast.walk(ast.parse(text))), text.splitlines()
+
+
+@functools.cache
 def sources(folder=PACKAGE):
-    """Names, trees and lines of the modules of a folder."""
-    for path in sorted(folder.rglob("*.py")):
-        text = path.read_text(encoding="utf-8")
-        yield path.relative_to(ROOT).as_posix(), ast.parse(text), text.splitlines()
-
-
-@pytest.fixture(scope="module")
-def package():
-    return list(sources())
+    """Names, nodes and lines of the modules of a folder."""
+    return [
+        (path.relative_to(ROOT).as_posix(), *parsed(path.read_text(encoding="utf-8")))
+        for path in sorted(folder.rglob("*.py"))
+    ]
 
 
 @EVERY_RULE
-def test_sources_keep_the_rules(rule, package):
-    assert [each for module in package for each in rule(*module)] == []
+def test_sources_keep_the_rules(rule):
+    assert [each for module in sources() for each in rule(*module)] == []
 
 
 def test_only_packages_stand_at_the_top():
@@ -106,7 +109,7 @@ def test_rules_find_what_breaks_them(rule):
     long = "".join(f"    x = {i}\n" for i in range(MAX_LINES))
     parameters = ", ".join(f"a{i}" for i in range(MAX_PARAMETERS + 1))
     source = f'def _({parameters}):\n    """Whether it is."""\n{long}\n\ndef plain():\n    pass\n'
-    assert list(rule("raytracer/analysis/made_up.py", ast.parse(source), source.splitlines()))
+    assert list(rule("raytracer/analysis/made_up.py", *parsed(source)))
 
 
 if __name__ == "__main__":

@@ -3,13 +3,10 @@
 import ast
 import operator
 from itertools import chain
-from pathlib import Path
 
 import pytest
 
-import raytracer
-
-PACKAGE = Path(raytracer.__file__).parent
+from tests.test_house import parsed, sources
 
 SMALL = 1e-2
 """Below this, in magnitude, a literal may be a tolerance; what is larger is a fraction that says what it is."""
@@ -53,9 +50,9 @@ def is_told(body, place, lines):
     return before >= 0 and lines[before].lstrip().startswith("#")
 
 
-def constants(tree):
+def constants(body):
     """The names of small numbers of a module, and where in its body they are given."""
-    for place, statement in enumerate(tree.body):
+    for place, statement in enumerate(body):
         if isinstance(statement, ast.Assign | ast.AnnAssign) and statement.value and any(smalls(statement.value)):
             targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
             for name in chain(*map(ast.walk, targets)):
@@ -70,9 +67,9 @@ def defaults(function):
     yield from ((a, d) for a, d in zip(function.args.kwonlyargs, function.args.kw_defaults, strict=True) if d)
 
 
-def locals_of(tree):
+def locals_of(nodes):
     """The names that functions themselves give to small numbers; defaults that a docstring explains are left out."""
-    for function in ast.walk(tree):
+    for function in nodes:
         if not isinstance(function, ast.FunctionDef):
             continue
         text = ast.get_docstring(function) or ""
@@ -84,9 +81,9 @@ def locals_of(tree):
                 yield from ((target.id, node.value) for target in node.targets if isinstance(target, ast.Name))
 
 
-def deciding(tree):
+def deciding(nodes):
     """The parts of expressions in which a number decides: compared, a bound, a tolerance, added to a denominator."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Compare):
             yield from (node.left, *node.comparators)
         elif isinstance(node, ast.Call):
@@ -101,25 +98,20 @@ def deciding(tree):
             yield from (default for argument, default in defaults(node) if argument.arg in _TOLERANCES)
 
 
-def strays(source):
+def strays(nodes, lines):
     """The lines of a module in which a small number decides and has no name, or a name without a text."""
-    tree, lines = ast.parse(source), source.splitlines()
-    parts = list(deciding(tree))
+    parts, body = list(deciding(nodes)), nodes[0].body
     found = {small.lineno for part in parts for small in smalls(part)}
     named = {name.id for part in parts for name in ast.walk(part) if isinstance(name, ast.Name)}
-    found |= {node.lineno for name, node in locals_of(tree) if name in named}
-    for name, place in constants(tree):
-        if name in named and not is_told(tree.body, place, lines):
-            found.add(tree.body[place].lineno)
+    found |= {node.lineno for name, node in locals_of(nodes) if name in named}
+    for name, place in constants(body):
+        if name in named and not is_told(body, place, lines):
+            found.add(body[place].lineno)
     return [f"{number}: {lines[number - 1].strip()}" for number in sorted(found)]
 
 
-@pytest.mark.parametrize(
-    "folder", [path for path in sorted(PACKAGE.iterdir()) if path.is_dir()], ids=lambda path: path.name
-)
-def test_no_small_number_decides_without_a_reason(folder):
-    found = {path: strays(path.read_text(encoding="utf-8")) for path in folder.rglob("*.py")}
-    assert {path: lines for path, lines in found.items() if lines} == {}
+def test_no_small_number_decides_without_a_reason():
+    assert {name: found for name, *module in sources() if (found := strays(*module))} == {}
 
 
 @pytest.mark.parametrize(
@@ -141,7 +133,7 @@ def test_no_small_number_decides_without_a_reason(folder):
     ],
 )
 def test_such_numbers_are_found(snippet):
-    assert len(strays(snippet)) == 1
+    assert len(strays(*parsed(snippet))) == 1
 
 
 @pytest.mark.parametrize(
@@ -157,4 +149,4 @@ def test_such_numbers_are_found(snippet):
     ],
 )
 def test_other_numbers_are_not(snippet):
-    assert strays(snippet) == []
+    assert strays(*parsed(snippet)) == []

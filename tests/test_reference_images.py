@@ -23,11 +23,9 @@ PICTURES = [pytest.param(name, marks=[pytest.mark.slow] if name in LARGE else []
 # Small lamps that paths find by chance: to notice one per cent takes twenty times as many samples.
 SPARKLING = {"diamond", "prism"}
 
-# Each takes as long as ten renders of the others.
+# Each takes as long as ten renders of the others, but for the lens.
 KEEN = [
-    pytest.param(name, marks=[] if name in ("cornell", "lens") else [pytest.mark.slow])
-    for name in NAMES
-    if name not in SPARKLING
+    pytest.param(name, marks=[] if name == "lens" else [pytest.mark.slow]) for name in NAMES if name not in SPARKLING
 ]
 
 
