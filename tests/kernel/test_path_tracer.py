@@ -405,7 +405,7 @@ def test_light_sampling_with_several_lights_leaves_the_mean_alone():
 
 @pytest.mark.parametrize("start", [0, 1, 5])
 def test_russian_roulette_leaves_the_mean_alone(start):
-    picture = image(concentric(0.9, 0.4), max_depth=200, rr_depth=start, spp=512)
+    picture = image(concentric(0.9, 0.4), max_depth=200, rr_depth=start, spp=256)
     assert_mean(picture, _concentric(0.9, 0.4, 200))
 
 
