@@ -6,24 +6,19 @@ What is compiled is asked of a process of its own (tests/probe.py), since Numba 
 import itertools
 import json
 import os
-import subprocess
-import sys
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numba
 import pytest
 
-import raytracer
 from raytracer.kernel.path_state import workspace
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack
 from tests.probe import MATTE, SCENES
+from tests.repository import ROOT, run_python
 from tests.small_scenes import scene
-
-ROOT = Path(__file__).parents[2]
 
 FAMILIES = {"apertures", "cameras", "environments", "filters", "lights", "materials", "media"}
 FAMILIES |= {"primitives", "sampling", "textures"}
@@ -40,17 +35,7 @@ TOGETHER = ("plain", "many")
 
 def probe(cache, *names):
     """Run tests/probe.py with this kernel cache, and return its report."""
-    package = Path(raytracer.__file__).parent.parent
-    result = subprocess.run(
-        [sys.executable, "-m", "tests.probe", *names],
-        cwd=ROOT,
-        env={**os.environ, "RAYTRACER_CACHE_DIR": str(cache), "PYTHONPATH": f"{package}{os.pathsep}{ROOT}"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert result.returncode == 0, result.stderr
-    return dict(json.loads(result.stdout))
+    return dict(json.loads(run_python("-m", "tests.probe", *names, RAYTRACER_CACHE_DIR=str(cache))))
 
 
 class Kernels(Mapping[str, Any]):

@@ -1,21 +1,16 @@
 """The same scene, seed and samples give the same bits, however the work is divided."""
 
 import hashlib
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import raytracer
 from raytracer.core.embree import PACKET
 from raytracer.rendering import tile_scheduler
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
 from tests.rendering.halves import HEIGHT, SPP, WIDTH, assert_same, assert_same_samples, halves
-from tests.repository import GENERATED, ROOT, SCENES, need_files_of
+from tests.repository import GENERATED, SCENES, need_files_of, run_python
 
 CROPS = ((0, 0, 7, 5), (13, 9, 31, 33), (43, 35, 44, 36))
 SAMPLERS = pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])
@@ -130,8 +125,4 @@ def digest():
 
 def test_another_process_has_the_same_bits():
     program = "from tests.rendering.test_determinism import digest; print(digest(), end='')"
-    path = f"{Path(raytracer.__file__).parent.parent}{os.pathsep}{ROOT}"
-    command = [sys.executable, "-c", program]
-    environment = {**os.environ, "PYTHONPATH": path}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout == digest()
+    assert run_python("-c", program) == digest()
