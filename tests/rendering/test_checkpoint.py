@@ -81,7 +81,7 @@ def in_parts(path, spec, parts, whole, **keys):
 def test_interrupted_and_resumed_it_is_the_same_picture(path, sampler, keys):
     spec = halves(LAYERED if "aovs" in keys else HALVES, sampler=sampler)
     whole = render(spec, **keys)
-    result = in_parts(path, spec, 4, whole, **keys)
+    result = in_parts(path, spec, 8, whole, **keys)
     assert_same(result, whole)
     assert result.stats.resumed["samples"] > 0
 
