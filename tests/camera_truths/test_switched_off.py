@@ -25,6 +25,9 @@ FLYING = STILL.replace("radius: 1,", "radius: 1, motion: {velocity: [3, 0, 0], s
 ANGLE = "type: pinhole, vfov: 40"
 FIFTY = "sensor: full_frame, focal_length: 50"
 LENS = f"type: thin_lens, {FIFTY}, focus_distance: 2"
+RIM = "vignetting: {diameter: 999, distance: 9}"
+OPEN = f"{LENS}, f_number: 2, {RIM}"
+"""Of the type of most scenes of the tests of AOVs."""
 
 OFF = {
     # An opening of no size.
@@ -37,16 +40,14 @@ OFF = {
     "defocus_angle 0": ("type: thin_lens, vfov: 40, defocus_angle: 0", ANGLE),
     "a shape of no opening": (f"{LENS}, f_number: .inf, aperture_shape: {{type: polygon}}", LENS),
     "a rim of no opening": (f"{LENS}, f_number: .inf, vignetting: {{diameter: 9, distance: 9}}", LENS),
-    "round": (f"{LENS}, f_number: 2, aperture_shape: {{type: round}}", f"{LENS}, f_number: 2"),
+    "round": (f"{OPEN}, aperture_shape: {{type: round}}", OPEN),
     # No exposure: with all that it takes but `iso`, and with an aperture that nothing but `iso` would make use of.
     "no iso": (f"type: pinhole, {FIFTY}, shutter: 1/125 s", f"type: pinhole, {FIFTY}"),
     "no iso, with a pinhole's f_number": (f"type: pinhole, {FIFTY}, f_number: 8", f"type: pinhole, {FIFTY}"),
-    "no iso, through a lens": (f"{LENS}, f_number: 2, shutter: 1/125 s", f"{LENS}, aperture: 25"),
+    "no iso, through a lens": (f"{OPEN}, shutter: 1/125 s", f"{LENS}, aperture: 25, {RIM}"),
     "no noise": (
-        f"{LENS}, f_number: 2, sensor: {{format: full_frame, noise: false, read_noise: 9, full_well: 5000}}".replace(
-            "sensor: full_frame, ", ""
-        ),
-        f"{LENS}, f_number: 2",
+        OPEN.replace("full_frame", "{format: full_frame, noise: false, read_noise: 9, full_well: 5000}"),
+        OPEN,
     ),
     # No time, or nothing that moves in it.
     "shutter": (f"{ANGLE}, shutter: 1/125 s", ANGLE),
