@@ -412,22 +412,16 @@ def test_russian_roulette_leaves_the_mean_alone(start):
 # ---- Light leaks
 
 
-_AXIS, _ANGLE = [3, 1, -2], 71
-_TURN = f"{{rotate: {{axis: {_AXIS}, angle: {_ANGLE}}}}}"
-_TURNED = Rotation.from_rotvec(math.radians(_ANGLE) * np.array(_AXIS) / math.sqrt(14.0))
+_BOX, _CORNER = "{type: box, min: [-0.7, -0.7, -0.7], max: [0.9, 1.1, 1.3]", np.array([0.9, 1.1, 1.3])
+_TURN = "{rotate: {axis: [3, 1, -2], angle: 71}}"
+_TURNED = Rotation.from_rotvec(math.radians(71.0) * np.array([3.0, 1.0, -2.0]) / math.sqrt(14.0)).apply(_CORNER)
 _VERTEX = trimesh.creation.icosphere(0, 2.0).vertices[0]
 
-
+# What is round the camera, and where a corner of it is.
 ROOMS = {
-    "box": ("{type: box, min: [-0.7, -0.7, -0.7], max: [0.9, 1.1, 1.3]", [0.9, 1.1, 1.3]),
-    "turned box": (
-        f"{{type: box, min: [-1, -1.1, -1.2], max: [1.3, 1.4, 1.5], transform: [{_TURN}]",
-        _TURNED.apply([1.3, 1.4, 1.5]),
-    ),
-    "large box": (
-        f"{{type: box, min: [-0.7, -0.7, -0.7], max: [0.9, 1.1, 1.3], transform: [{_TURN}, {{scale: 1000}}]",
-        1000.0 * _TURNED.apply([0.9, 1.1, 1.3]),
-    ),
+    "box": (_BOX, _CORNER),
+    "turned box": (f"{_BOX}, transform: [{_TURN}]", _TURNED),
+    "large box": (f"{_BOX}, transform: [{_TURN}, {{scale: 1000}}]", 1000.0 * _TURNED),
     "sphere": ("{type: sphere, center: [0.1, 0, 0], radius: 2", [1, 0.9, 0.8]),
     "large sphere": ("{type: sphere, center: [0, -900, 0], radius: 1000", [1, 0.9, 0.8]),
     "mesh": ("{type: mesh, file: icosphere.obj", _VERTEX),
