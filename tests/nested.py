@@ -12,6 +12,10 @@ SPECKS = """
     corner: [0, -96, 0]
     edges: [[1.0e-9, 0, 0], [0, 0, 1.0e-9]]
     material: {type: emitter, radiance: 1.0e-9}
+  - type: quad
+    corner: [0, -93, 0]
+    edges: [[1.0e-9, 0, 0], [0, 0, 1.0e-9]]
+    material: {type: emitter, radiance: 1.0e-9}
   - {type: quad, corner: [0, -97, 0], edges: [[1.0e-9, 0, 0], [0, 0, 1.0e-9]], material: {type: lambertian}}
   - {type: sphere, center: [0, -99, 0], radius: 1.0e-9, material: {type: dielectric, outside_absorption: 1.0e-9}}
   - {type: sphere, center: [0, -94, 0], radius: 1.0e-9, material: {type: dielectric, ior: 1}}

@@ -1,7 +1,7 @@
 """Compiles scenes in a process of its own, and prints as JSON what went into each kernel.
 
-Run as `python -m tests.probe NAME ...` with an empty kernel cache, for one name: a part that a scene shares with one
-before it would be compiled no more, and not be seen.
+Run as `python -m tests.probe NAME ...` with an empty kernel cache: a part that a scene shares with one before it is
+compiled no more, and not seen.
 """
 
 import json
@@ -106,13 +106,14 @@ def compiled(name):
     # Parts that are loaded would hide what they call.
     vars(parts).update(load_part=lambda *_: None, lower_part=listener.lower_part)
     vars(build_entry).update(link_entry=listener.link_entry)
+    before = render_tile.counts.copy()
     render_tile(packed, film, workspace(packed), 0, 0, 0, 0, 0, 0)
     code = listener.code
     return {
         "modules": sorted(module for module in listener.modules if module.startswith("raytracer.")),
         "compiled": listener.modules.total(),
-        "cache_hits": render_tile.counts["loaded"],
-        "cache_misses": render_tile.counts["compiled"],
+        "cache_hits": render_tile.counts["loaded"] - before["loaded"],
+        "cache_misses": render_tile.counts["compiled"] - before["compiled"],
         "llvm_size": len(code),
         "calls": {
             symbol: len(re.findall(rf'call [^\n]*@"?{symbol}"?\(', code))

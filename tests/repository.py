@@ -1,9 +1,14 @@
 """Where the repository has what tests use."""
 
 import importlib.util
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+
+import raytracer
 
 ROOT = Path(__file__).parent.parent
 SCENES = ROOT / "scenes"
@@ -26,3 +31,12 @@ def script(path):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def run_python(*words, **environment):
+    """Run Python with these words, where it finds the package and the tests, and return what it prints."""
+    path = f"{Path(raytracer.__file__).parent.parent}{os.pathsep}{ROOT}"
+    own = {**os.environ, "PYTHONPATH": path, **environment}
+    done = subprocess.run([sys.executable, *words], cwd=ROOT, env=own, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout

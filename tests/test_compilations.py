@@ -8,24 +8,29 @@ from tests.repository import ROOT
 
 TESTS = """\
 import pytest
-from raytracer.core.vec import reflect
-from tests.vectorised import rows, vectorised
+from raytracer.core.compiler.dispatch import entry
+
+@entry
+def double(x):
+    return 2.0 * x
 
 @pytest.mark.parametrize("number", range(4))
-def test_up_is_down(number):
-    assert vectorised(reflect)(rows([[0.0, 0.0, 1.0]]), (0.0, 0.0, 1.0)).tolist() == [[0.0, 0.0, -1.0]]
+def test_double(number):
+    assert double(float(number)) == 2.0 * number
 """
 
 
 def test_two_processes_share_a_kernel_and_more_than_the_budget_fails(tmp_path: Path) -> None:
-    (tmp_path / "test_up.py").write_text(TESTS)
+    (tmp_path / "test_double.py").write_text(TESTS)
     (tmp_path / "conftest.py").write_text(
         "from tests import compilations\n\ncompilations.BUDGET['kernels in all'] = 0\n"
     )
-    words = "-q -p tests.compilations -p no:cacheprovider -n 2 --kernels 1"
+    # Without other plugins, which take longer to load than all else takes.
+    words = "-q -p tests.compilations -p no:cacheprovider -p xdist -n 2 --kernels 1"
     run = subprocess.run(
         [sys.executable, "-m", "pytest", *words.split(), "--rootdir", tmp_path, tmp_path],
-        env={**os.environ, "PYTHONPATH": str(ROOT), "RAYTRACER_CACHE_DIR": str(tmp_path / "cache")},
+        env={**os.environ, "PYTHONPATH": str(ROOT), "RAYTRACER_CACHE_DIR": str(tmp_path / "cache")}
+        | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
         check=False,
         capture_output=True,
         text=True,
@@ -36,5 +41,5 @@ def test_two_processes_share_a_kernel_and_more_than_the_budget_fails(tmp_path: P
         in run.stdout
     )
     assert "FAILED: more kernels than the budget has" in run.stdout
-    assert "1 kernels,   0 of them path tracers: test_up.py" in run.stdout
+    assert "1 kernels,   0 of them path tracers: test_double.py" in run.stdout
     assert "4 passed" in run.stdout

@@ -28,7 +28,7 @@ def shot(camera, rest, *, crop=None, **settings):
     camera : keys besides where it stands, which is `LOOK`.
     """
     text = f"camera: {{{LOOK}, {camera}}}\n{rest}"
-    spec = scene(text, max_depth=1, sampler="sobol", filled=False, **settings)
+    spec = scene(text, **{"max_depth": 1, "sampler": "sobol", "filled": False, **settings})
     result = render(spec, crop=crop, threads=2, seed=1)
     assert result.stats.nan_samples == 0
     return result

@@ -1,7 +1,7 @@
 """What is switched off is not there: the same bits, the same rays, and the same machine code as if never named.
 
-A scene's type is what gets compiled (docs/architecture.md), so one type, one kernel; what is compiled for the second of
-two such scenes, which is nothing, is asked of a process of its own.
+A scene's type is what gets compiled (docs/architecture.md), so one type, one kernel; that nothing is compiled for the
+second of two such scenes, tests/kernel/test_specialisation.py asks a process of its own.
 """
 
 import numba
@@ -10,10 +10,7 @@ import pytest
 
 from raytracer.rendering.render import render
 from raytracer.scene.pack.scene import pack
-from tests.kernel.test_specialisation import kernels, probe
 from tests.small_scenes import scene
-
-__all__ = ["kernels"]
 
 LOOK = "look_from: [0, 1, 4], look_at: [0, 0, 0]"
 STILL = """
@@ -28,6 +25,9 @@ FLYING = STILL.replace("radius: 1,", "radius: 1, motion: {velocity: [3, 0, 0], s
 ANGLE = "type: pinhole, vfov: 40"
 FIFTY = "sensor: full_frame, focal_length: 50"
 LENS = f"type: thin_lens, {FIFTY}, focus_distance: 2"
+RIM = "vignetting: {diameter: 999, distance: 9}"
+OPEN = f"{LENS}, f_number: 2, {RIM}"
+"""Of the type of most scenes of the tests of AOVs."""
 
 OFF = {
     # An opening of no size.
@@ -40,16 +40,14 @@ OFF = {
     "defocus_angle 0": ("type: thin_lens, vfov: 40, defocus_angle: 0", ANGLE),
     "a shape of no opening": (f"{LENS}, f_number: .inf, aperture_shape: {{type: polygon}}", LENS),
     "a rim of no opening": (f"{LENS}, f_number: .inf, vignetting: {{diameter: 9, distance: 9}}", LENS),
-    "round": (f"{LENS}, f_number: 2, aperture_shape: {{type: round}}", f"{LENS}, f_number: 2"),
+    "round": (f"{OPEN}, aperture_shape: {{type: round}}", OPEN),
     # No exposure: with all that it takes but `iso`, and with an aperture that nothing but `iso` would make use of.
     "no iso": (f"type: pinhole, {FIFTY}, shutter: 1/125 s", f"type: pinhole, {FIFTY}"),
     "no iso, with a pinhole's f_number": (f"type: pinhole, {FIFTY}, f_number: 8", f"type: pinhole, {FIFTY}"),
-    "no iso, through a lens": (f"{LENS}, f_number: 2, shutter: 1/125 s", f"{LENS}, aperture: 25"),
+    "no iso, through a lens": (f"{OPEN}, shutter: 1/125 s", f"{LENS}, aperture: 25, {RIM}"),
     "no noise": (
-        f"{LENS}, f_number: 2, sensor: {{format: full_frame, noise: false, read_noise: 9, full_well: 5000}}".replace(
-            "sensor: full_frame, ", ""
-        ),
-        f"{LENS}, f_number: 2",
+        OPEN.replace("full_frame", "{format: full_frame, noise: false, read_noise: 9, full_well: 5000}"),
+        OPEN,
     ),
     # No time, or nothing that moves in it.
     "shutter": (f"{ANGLE}, shutter: 1/125 s", ANGLE),
@@ -78,7 +76,7 @@ PAIRS = {name: (off, STILL, plain) for name, (off, plain) in OFF.items()} | {
 
 
 def spec_of(camera, rest=STILL):
-    settings = {"width": 24, "height": 16, "spp": 8, "max_depth": 4, "sampler": "sobol", "filled": False}
+    settings = {"width": 24, "height": 16, "spp": 8, "max_depth": 4, "sampler": "sobol", "lit": True}
     return scene(f"camera: {{{LOOK}, {camera}}}\n{rest}", **settings)
 
 
@@ -135,10 +133,3 @@ def test_exposure_without_noise_and_with_it_is_one_kernel():
     assert len(types) == 1
     # Nor does metering, where there is no aperture whose light could be weighed.
     assert numba.typeof(packed(f"{ANGLE}, exposure: auto")) == numba.typeof(packed(ANGLE))
-
-
-def test_the_second_kernel_is_the_first(kernels):
-    assert kernels["plain"]["compiled"] > 10
-    assert kernels["plain"]["cache_misses"] == 1
-    off = probe(kernels.cache, "off")["off"]
-    assert (off["compiled"], off["cache_hits"], off["cache_misses"]) == (0, 1, 0)

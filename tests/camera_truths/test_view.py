@@ -21,11 +21,17 @@ WIDTH, HEIGHT = 1200, 800
 SPOT_PX, SPP, MARGIN = 1.5, 256, 8
 
 
+# Of the type of many scenes: by a pinhole, and two segments long.
+SHARED = {"lit": True, "filled": True, "max_depth": 2}
+
+
 def seen_at(camera, x, y, depth, radius, near):
     """Find the image of a spot (m), in px from the top left, within `MARGIN` pixels around a place."""
     left, top = math.floor(near[0]) - MARGIN, math.floor(near[1]) - MARGIN
     window = (left, top, left + 2 * MARGIN + 1, top + 2 * MARGIN + 1)
-    found = moments(pixels(camera, spot(x, y, depth, radius), width=WIDTH, height=HEIGHT, spp=SPP, crop=window))
+    shared = SHARED if "pinhole" in camera else {}
+    shining = spot(x, y, depth, radius)
+    found = moments(pixels(camera, shining, width=WIDTH, height=HEIGHT, spp=SPP, crop=window, **shared))
     # All of it, which it would not be if its middle were more than 6 pixels off.
     assert found.total == pytest.approx(math.pi * SPOT_PX**2, rel=0.2)
     return found.x + left, found.y + top

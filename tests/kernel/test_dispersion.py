@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.fresnel import fresnel_dielectric
+from raytracer.core.sampling import SAMPLERS
 from raytracer.core.spectra import FIRST, LAST, response, spectra
 from raytracer.kernel.hero_wavelength import (
     LENS_ROW,
@@ -13,9 +15,12 @@ from raytracer.kernel.hero_wavelength import (
     DispersiveLens,
     DispersiveMaterials,
     MonochromaticCamera,
+    start_rgb_path,
+    wavelengths_of,
 )
 from raytracer.kernel.path_state import workspace
 from raytracer.optics.glass import CATALOGUE
+from raytracer.plugins.materials.base.interface import BLACK, Draws
 from raytracer.rendering.path_debug import trace_sample
 from raytracer.rendering.path_text import format_path
 from raytracer.rendering.render import render
@@ -23,6 +28,7 @@ from raytracer.scene.effects import effects_of
 from raytracer.scene.pack.scene import pack
 from tests.moving import pictured
 from tests.small_scenes import assert_mean, image, mean, scene
+from tests.vectorised import rows, vectorised
 
 FLINT = "{index: 1.785, abbe: 25.7}"
 NOTHING = "{cauchy: [1.6, 1.0e-9]}"
@@ -90,19 +96,25 @@ def test_grey_is_exactly_grey_where_light_met_nothing_that_disperses():
 
 
 def test_bits_do_not_depend_on_the_number_of_threads_and_on_a_crop():
-    spec = scene(floor(FLINT), lit=True, spp=37, width=44, height=36, sampler="sobol")
+    spec = scene(floor(FLINT), lit=True, spp=37, width=44, height=36)
     one = render(spec, threads=1).image.radiance
     np.testing.assert_array_equal(render(spec, threads=3).image.radiance, one)
     np.testing.assert_array_equal(render(spec, crop=(13, 9, 31, 33)).image.radiance, one[9:33, 13:31])
 
 
+@kernel
+def number_of_hero(spectrum, work, sampler, index):
+    start_rgb_path(spectrum, work, 0, Draws(sampler, 5, index, 0), BLACK, BLACK)
+    return wavelengths_of(work, 0).u
+
+
 def test_the_sampler_stratifies_wavelengths():
-    settings = {"spp": 256, "max_depth": 1000, "width": 8, "height": 8}
-    noise = [
-        np.mean((image(BALL, lit=True, sampler=sampler, **settings).radiance - 1.0) ** 2)
-        for sampler in ("independent", "sobol")
-    ]
-    assert noise[1] < noise[0] / 3.0
+    # Of 256 samples of a pixel, each has the wavelength of a stratum of its own.
+    packed = pack(scene(BALL)).scene
+    for sampler, stratified in (("sobol", True), ("independent", False)):
+        numbers = SAMPLERS[sampler](1, 256)
+        u = vectorised(number_of_hero)(packed.spectrum, workspace(packed), numbers, rows(np.arange(256)))
+        assert (np.unique(np.floor(256.0 * u)).size == 256) == stratified
 
 
 # ---- Where light goes

@@ -33,7 +33,7 @@ def lamp(material="{type: emitter, radiance: 5}", *, z=2.0, half=0.5):
     return f"  - {{type: quad, corner: {corner}, edges: {edges}, material: {material}}}\n"
 
 
-def shown(text, *, spp=8192, depth=2):
+def shown(text, *, spp=4096, depth=2):
     value, deviation = mean(image(text + SPECKS, lit=True, width=8, height=8, spp=spp, max_depth=depth))
     return value[0], deviation[0]
 

@@ -3,30 +3,14 @@
 So a debugger can step through them, and what Numba makes of them is what is written.
 """
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 
-import raytracer
+from tests.repository import run_python
 from tests.unjitted import numbers, random_numbers
-
-ROOT = Path(__file__).parents[2]
 
 
 def test_interpreted_kernels_give_the_same_numbers(tmp_path):
-    package = Path(raytracer.__file__).parent.parent
-    result = subprocess.run(
-        [sys.executable, "-m", "tests.unjitted", str(tmp_path / "numbers.npz")],
-        cwd=ROOT,
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": f"{package}{os.pathsep}{ROOT}"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert result.returncode == 0, result.stderr
+    run_python("-m", "tests.unjitted", str(tmp_path / "numbers.npz"), NUMBA_DISABLE_JIT="1")
     compiled = numbers()
     with np.load(tmp_path / "numbers.npz") as interpreted:
         assert set(interpreted.files) == set(compiled)

@@ -1,21 +1,16 @@
 """The same scene, seed and samples give the same bits, however the work is divided."""
 
 import hashlib
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import raytracer
 from raytracer.core.embree import PACKET
 from raytracer.rendering import tile_scheduler
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
 from tests.rendering.halves import HEIGHT, SPP, WIDTH, assert_same, assert_same_samples, halves
-from tests.repository import GENERATED, ROOT, SCENES, need_files_of
+from tests.repository import GENERATED, SCENES, need_files_of, run_python
 
 CROPS = ((0, 0, 7, 5), (13, 9, 31, 33), (43, 35, 44, 36))
 SAMPLERS = pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])
@@ -80,7 +75,7 @@ def test_passes_cover_the_samples_in_whole_packets_and_end_at_powers_of_two(star
 def test_an_early_end_leaves_the_first_samples(sampler):
     # Time runs out: a pixel is then that of a render of as many samples as its tile has, whole packets of them.
     spec = halves(sampler=sampler)
-    timed = render(spec, spp=1_000_000, threads=2, time_limit=0.2, aovs=["samples"])
+    timed = render(spec, spp=1_000_000, threads=2, time_limit=0.1, aovs=["samples"])
     assert not timed.complete
     assert not timed.interrupted
     counts = timed.image.layers["samples"]
@@ -92,7 +87,7 @@ def test_an_early_end_leaves_the_first_samples(sampler):
         np.testing.assert_array_equal(timed.image.radiance[counts == count], picture[counts == count])
 
 
-@pytest.mark.parametrize(("sampler", "noise"), [("independent", 0.04), ("sobol", 0.02)])
+@pytest.mark.parametrize(("sampler", "noise"), [("independent", 0.04), ("sobol", 0.03)])
 def test_threads_do_not_matter_where_samples_go_where_the_error_is(sampler, noise):
     spec = halves(sampler=sampler)
     one = render(spec, noise=noise, threads=1, aovs=["samples"])
@@ -130,8 +125,4 @@ def digest():
 
 def test_another_process_has_the_same_bits():
     program = "from tests.rendering.test_determinism import digest; print(digest(), end='')"
-    path = f"{Path(raytracer.__file__).parent.parent}{os.pathsep}{ROOT}"
-    command = [sys.executable, "-c", program]
-    environment = {**os.environ, "PYTHONPATH": path}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout == digest()
+    assert run_python("-c", program) == digest()

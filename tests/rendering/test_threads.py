@@ -28,7 +28,7 @@ PATIENCE = 120.0
 @pytest.fixture(scope="module")
 def specs():
     """A scene, and another one."""
-    first = halves(width=256, height=256, spp=8)
+    first = halves(width=256, height=256, spp=8, max_depth=2)
     return first, apply_overrides(first, {"objects.ball.radius": 0.2, "film.width": 128})
 
 

@@ -63,7 +63,7 @@ class LocalExecutor:
 
 @pytest.mark.parametrize(
     ("ahead", "keys"),
-    [(1, {}), (4, {}), (2, {"crop": (5, 3, 40, 30)}), (3, {"spp": 2048, "noise": 0.02})],
+    [(1, {}), (4, {}), (2, {"crop": (5, 3, 40, 30)}), (3, {"spp": 2048, "noise": 0.04})],
     ids=["one by one", "ahead", "crop", "adaptive"],
 )
 def test_bits_do_not_depend_on_where_samples_are_taken(ahead, keys):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,23 +19,26 @@ from raytracer.schema.registry import AOVS
 from raytracer.util.errors import InputError
 from tests.small_scenes import scene
 
-# One compiled kernel a scene, whatever a test is about.
 ALL = tuple(name for name, spec in AOVS.specs().items() if not spec.is_per_sample)
+RECORDED = (*ALL, "rays")
+"""One kernel for most scenes here, and for tests/rendering/test_checkpoint.py, whatever they are about."""
 
 SIZE = 24
 VFOV = 40.0
 PIXEL = 2.0 * math.tan(math.radians(VFOV / 2.0)) / SIZE
 
 SKY = "environment: {type: constant, radiance: 1}\n"
-CAMERA = f"camera: {{type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: {VFOV}}}\n{SKY}"
-WALL = "{type: quad, name: wall, corner: [-9, -9, 0], edges: [[18, 0, 0], [0, 18, 0]], material: {type: lambertian}}"
 
-# What the scenes here have in common, so that all compile one kernel: behind the camera, where it sees nothing of it.
-REST = """
-  - {type: sphere, center: [0, 0, 99], radius: 1.0e-3, material: {type: lambertian}}
-  - {type: quad, corner: [0, 0, 98], edges: [[1.0e-3, 0, 0], [0, 1.0e-3, 0]], material: {type: lambertian}}
-  - {type: sphere, center: [0, 0, 97], radius: 1.0e-3, material: {type: emitter, radiance: 20}}
-"""
+
+def lens(aperture=1e-6, rim=1e3, more=""):
+    """A lens with an opening and a rim (mm), or what is as good as a pinhole, 4 m from the origin."""
+    rims = f"vignetting: {{diameter: {rim}, distance: 30}}"
+    given = f"vfov: {VFOV}, focus_distance: 4, aperture: {aperture}, {rims}{more}"
+    return f"camera: {{type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], {given}}}\n{SKY}"
+
+
+CAMERA = lens()
+WALL = "{type: quad, name: wall, corner: [-9, -9, 0], edges: [[18, 0, 0], [0, 18, 0]], material: {type: lambertian}}"
 
 BALL = f"""
 {CAMERA}
@@ -48,8 +52,8 @@ objects:
 """
 
 
-def layers(text, *, aovs=ALL, threads=2, crop=None, **settings):
-    settings = {"width": SIZE, "height": SIZE, "sampler": "sobol", "filled": False, **settings}
+def layers(text, *, aovs=RECORDED, threads=2, crop=None, **settings):
+    settings = {"width": SIZE, "height": SIZE, "sampler": "sobol", "lit": True, **settings}
     return render(scene(text, **settings), threads=threads, seed=1, aovs=aovs, crop=crop).image
 
 
@@ -81,7 +85,7 @@ def inside():
 def test_depth_is_along_the_axis_and_distance_along_the_ray():
     # A wall that faces the camera, 4 m away: all of it has depth 4; the ray through slopes (x, y) is 4 sqrt(1 + x^2 +
     # y^2) long, and its mean over a pixel of width w is more by half the curvature times w^2 / 12 each way.
-    picture = layers(f"{CAMERA}objects:\n  - {WALL}{REST}", spp=1024)
+    picture = layers(f"{CAMERA}objects:\n  - {WALL}", spp=1024)
     np.testing.assert_allclose(picture.layers["depth"], 4.0, rtol=1e-15)
     x, y = centres()
     length = np.sqrt(1.0 + x**2 + y**2)
@@ -141,7 +145,7 @@ def test_what_nothing_covers_is_marked(ball):
 def test_coverage_is_the_area_and_decides_whose_pixel_it_is():
     # A rectangle of 0.83 m x 0.57 m, 4 m away, in front of nothing.
     shape = "{type: quad, corner: [-0.3, -0.2, 0], edges: [[0.83, 0, 0], [0, 0.57, 0]], material: {type: lambertian}}"
-    picture = layers(f"{CAMERA}objects:\n  - {shape}{REST}", spp=256)
+    picture = layers(f"{CAMERA}objects:\n  - {shape}", spp=256)
     coverage = picture.layers["coverage"]
     assert coverage.sum() == pytest.approx(0.83 * 0.57 / (4.0 * PIXEL) ** 2, rel=1e-3)
     # More than half of the samples decide, so an edge is where the coverage is a half.
@@ -187,7 +191,7 @@ def test_radiance_keeps_its_bits(ball):
 
 def test_layers_are_the_same_for_any_threads_and_any_crop(ball):
     other, part = layers(BALL, threads=3), layers(BALL, threads=1, crop=(3, 5, 20, 21))
-    for name in ALL:
+    for name in RECORDED:
         np.testing.assert_array_equal(other.layers[name], ball.layers[name])
         np.testing.assert_array_equal(part.layers[name], ball.layers[name][5:21, 3:20])
 
@@ -197,6 +201,7 @@ def test_layers_are_the_same_for_any_threads_and_any_crop(ball):
 
 def test_an_exr_file_holds_the_layers_under_names_that_others_read(ball, tmp_path):
     path = tmp_path / "a.exr"
+    ball = replace(ball, layers={name: ball.layers[name] for name in ALL})
     ball.save(path)
     expected = {"R", "G", "B", "depth.Z", "distance.Z", "motion.X", "motion.Y", "object_id.ID", "material_id.ID"}
     expected |= {"coverage.A", "samples.N"}
@@ -250,7 +255,7 @@ objects:
 """
     )
     names = ("direct", "indirect", "coverage", "depth")
-    picture, two = layers(text, aovs=names), layers(text, aovs=names, max_depth=2)
+    picture, two = (layers(text, aovs=names, lit=False, max_depth=depth) for depth in (50, 2))
     direct, indirect = picture.layers["direct"], picture.layers["indirect"]
     np.testing.assert_allclose(direct + indirect, picture.radiance, rtol=1e-13, atol=1e-15)
     np.testing.assert_allclose(direct, two.radiance, rtol=1e-13, atol=1e-15)
@@ -259,17 +264,11 @@ objects:
     assert picture.layers["coverage"][11:13, 13:16].mean() == pytest.approx(math.exp(-0.25 * 3.0), abs=0.04)
 
 
-EXPOSED = ", sensor: full_frame, sensor_fit: vertical, shutter: 1/60 s, iso: 100"
-
-
-def lens_layers(objects, aperture=1e-6, rim=1e3, exposed=EXPOSED):
-    """Layers of a scene by a lens (mm), or what is as good as a pinhole; with instances and something cut out."""
-    lens = f"type: thin_lens, vfov: {VFOV}, focus_distance: 4, aperture: {aperture}"
-    rims = f"vignetting: {{diameter: {rim}, distance: 30}}"
+def lens_layers(objects, **opening):
+    """Layers of an exposed scene by a lens, with instances and something cut out."""
     return layers(
         f"""
-camera: {{{lens}, look_from: [0, 0, 4], look_at: [0, 0, 0], {rims}{exposed}}}
-{SKY}
+{lens(**opening, more=", sensor: full_frame, sensor_fit: vertical, shutter: 1/60 s, iso: 100")}
 groups:
   pair:
     - {{type: sphere, center: [-0.5, 0, 0], radius: 0.4, material: {{type: lambertian, albedo: 0.25}}}}
@@ -284,7 +283,14 @@ objects:
 """,
         aovs=("coverage", "depth", "distance", "object_id", "material_id", "albedo"),
         max_depth=2,
+        filled=False,
+        lit=False,
     )
+
+
+def plain_layers(objects, **opening):
+    """Layers of a scene by a lens, of the type of most scenes here."""
+    return layers(f"{lens(**opening)}objects:\n{objects}")
 
 
 def test_what_light_passes_through_is_not_seen():
@@ -318,12 +324,12 @@ def test_instances_are_objects_of_their_own():
     assert names[str(picture.layers["material_id"][pixel(0.5, 0.6, 3.6)])] == "groups.pair[1].material"
 
 
-@pytest.mark.parametrize("exposed", ["", EXPOSED])
-def test_rays_that_a_rim_stops_are_no_holes_in_a_surface(exposed):
+@pytest.mark.parametrize("taken", [plain_layers, lens_layers])
+def test_rays_that_a_rim_stops_are_no_holes_in_a_surface(taken):
     # A wall fills the picture, and a rim cuts most of the light in its corners; what comes through sees the wall alone.
-    picture = lens_layers(f"  - {WALL}", aperture=25, rim=25, exposed=exposed)
+    picture = taken(f"  - {WALL}", aperture=25, rim=25)
     np.testing.assert_array_equal(picture.layers["coverage"], 1.0)
     np.testing.assert_array_equal(picture.layers["object_id"], 1)
     np.testing.assert_allclose(picture.layers["depth"], 4.0, rtol=1e-6)
-    open_lens = lens_layers(f"  - {WALL}", aperture=25, exposed=exposed).radiance
+    open_lens = taken(f"  - {WALL}", aperture=25).radiance
     assert picture.radiance[0, 0, 0] < 0.6 * open_lens[0, 0, 0]

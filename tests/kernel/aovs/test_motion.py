@@ -7,12 +7,10 @@ import pytest
 
 from raytracer.plugins.cameras.base.interface import project
 from raytracer.rendering.render import render
+from tests.kernel.aovs.test_aovs import PIXEL, SIZE, VFOV, centres
 from tests.small_scenes import scene
 from tests.vectorised import rows, vectorised
 
-SIZE = 24
-VFOV = 40.0
-PIXEL = 2.0 * math.tan(math.radians(VFOV / 2.0)) / SIZE
 WALL = "{type: quad, corner: [-9, -9, 0], edges: [[18, 0, 0], [0, 18, 0]]"
 
 # What the scenes here have in common, so that those of a camera that stands compile one kernel, and those of one that
@@ -53,8 +51,7 @@ def test_motion_is_the_difference_of_what_project_says():
     velocity = np.array([0.02, 0.01, 0.03])
     ball = f"{{type: sphere, center: [0, 0, 0], radius: 1, motion: {{velocity: {velocity.tolist()}}}}}"
     aovs = layers(ball, spp=256)
-    x, y = np.meshgrid(*2 * [(np.arange(SIZE) + 0.5 - SIZE / 2.0) * PIXEL])
-    seen = np.hypot(x, y) < 1.0 / math.sqrt(15.0) - 2.0 * PIXEL
+    seen = np.hypot(*centres()) < 1.0 / math.sqrt(15.0) - 2.0 * PIXEL
     middle = aovs["position"][seen]
     camera = scene_of(ball).camera.pack(SIZE, SIZE)
     # Seen half-way through, on average.
@@ -72,9 +69,8 @@ def test_a_turning_disc_moves_by_its_angle_times_the_radius():
     w = math.radians(20.0)
     spin = "motion: {spin: {axis: [0, 0, 1], rate: 20, center: [0, 0, 0]}}"
     motion = layers(f"{{type: disc, center: [0, 0, 0], normal: [0, 0, 1], radius: 9, {spin}}}", spp=256)["motion"]
-    middle = np.arange(SIZE) + 0.5 - SIZE / 2.0
-    right, up = np.meshgrid(middle, -middle)
-    size = 2.0 * (1.0 - math.cos(w)) / w
+    right, up = centres()
+    size = 2.0 * (1.0 - math.cos(w)) / w / PIXEL
     np.testing.assert_allclose(motion[..., 0], -size * up, rtol=0.0, atol=0.02)
     np.testing.assert_allclose(motion[..., 1], -size * right, rtol=0.0, atol=0.02)
 

@@ -1,4 +1,4 @@
-"""Ctrl-C while the compiler works, which would take it for an error of its own."""
+"""Ctrl-C while the compiler works, which would take it for an error of its own, and while threads take samples."""
 
 import signal
 import threading
@@ -8,6 +8,7 @@ import pytest
 
 from raytracer.kernel.path_state import workspace
 from raytracer.rendering import compilation
+from raytracer.rendering.worker_pool import WorkerPool
 
 PATIENCE = 60.0
 
@@ -77,3 +78,32 @@ def test_an_ignored_signal_stays_ignored(compiled):
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+# ---- The threads that take samples: none is left at work
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.2])
+def test_an_interrupt_waits_for_the_items_in_work(delay):
+    # Whoever goes on frees what kernels read: Embree's structure, for one.
+    pool, begun, done, first = WorkerPool(2), [], [], threading.Event()
+
+    def work(_, item):
+        begun.append(item)
+        first.set()
+        time.sleep(0.4)
+        done.append(item)
+
+    def interrupt():
+        first.wait()
+        time.sleep(delay)
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    interrupter = threading.Thread(target=interrupt)
+    interrupter.start()
+    pool.run(range(100), work)
+    assert pool.interrupted
+    assert sorted(done) == sorted(begun)
+    interrupter.join()
+    pool.run(range(100), work)
+    assert 1 <= len(done) <= 2
