@@ -85,9 +85,9 @@ camera:
 """,
     "hand_shake": """\
 # Hand shake: a street through a lens of 200 mm that is held in the hand.
-# Look at: the clock, sharp at 1/1000 s.  At 1/200 s, one over the focal length, the tremor shows at a second look, and
-# at 1/40 s it is a double picture.  All of the frame is blurred alike, what stands still too.
-# Change: camera.shutter, 1/1000, 1/200 and 1/40 s, and with its inverse camera.iso, 2500, 500 and 100.
+# Look at: the clock, sharp at 1/1000 s.  At 1/200 s, one over the focal length, the tremor is a pixel long, and at
+# 1/15 s nobody can read the time.  All of the frame is blurred alike, what stands still too.
+# Change: camera.shutter, 1/1000, 1/200 and 1/15 s, and with its inverse camera.iso, 2500, 500 and 37.5.
 camera:
   {type: thin_lens, look_from: [0, 1.6, 0], look_at: [0, 6, -150], sensor: full_frame, focal_length: 200 mm,
    f_number: 22, focus_distance: 100, shutter: 1/200 s, iso: 500, shake: {amplitude: 0.2 deg, bandwidth: 8 Hz, seed: 3}}
