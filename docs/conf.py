@@ -17,6 +17,11 @@ myst_enable_extensions = ["colon_fence", "dollarmath"]
 # Sections can be linked to by their headings, as on the pages of a repository.
 myst_heading_anchors = 4
 
+# Blocks without a language are commands and what they print.
+highlight_language = "none"
+# Quotes and dots, but no dashes: options begin with two hyphens.
+smartquotes_action = "qe"
+
 html_math_renderer = "mathml"
 
 html_theme = "furo"
