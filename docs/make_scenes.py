@@ -154,7 +154,7 @@ def first_sentence(docstring: str | None) -> str:
 
 def kinds(name: str) -> Iterator[str]:
     """Write the table of the kinds of a family, with their pictures."""
-    yield "| | |\n|---|---|"
+    yield "| picture | kind |\n|---|---|"
     for kind, spec in FAMILIES[name].specs().items():
         page, picture = f"{name}/{kind}.md", f"![{kind}]({PICTURES}/{name}/{kind}.jpg)"
         yield f"| [{picture}]({page}) | [**{kind}**]({page})<br>{cell(first_sentence(spec.__doc__))} |"
