@@ -11,11 +11,16 @@ from make_pages import PAGES
 project = "rt"
 author = "the rt authors"
 extensions = ["myst_parser", "sphinx_copybutton", "mathml"]
-exclude_patterns = ["examples", "static", "templates"]
+exclude_patterns = ["examples", "_static", "_templates"]
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 # Sections can be linked to by their headings, as on the pages of a repository.
 myst_heading_anchors = 4
+
+# Blocks without a language are commands and what they print.
+highlight_language = "none"
+# Quotes and dots, but no dashes: options begin with two hyphens.
+smartquotes_action = "qe"
 
 html_math_renderer = "mathml"
 
@@ -23,8 +28,8 @@ html_theme = "furo"
 html_title = "rt"
 html_show_sourcelink = False
 html_copy_source = False
-templates_path = ["templates"]
-html_static_path = ["static"]
+templates_path = ["_templates"]
+html_static_path = ["_static"]
 html_js_files = ["keyboard.js"]
 
 # A browser may not read other pages of a folder by script, which summaries of what is found would take.
@@ -32,7 +37,7 @@ html_show_search_summary = False
 
 
 def setup(app: Any) -> None:
-    """Write the pages that can be played with, and mend what the theme lacks for screen readers."""
+    """Write the pages that can be played with, style the reference, and mend the theme for screen readers."""
 
     def write(app: Any, error: Exception | None) -> None:
         folder = Path(app.outdir) / "lecture" / "pages"
@@ -40,10 +45,15 @@ def setup(app: Any) -> None:
         for name, make in PAGES.items():
             (folder / f"{name}.html").write_bytes(make())
 
-    def give_levels(app: Any, pagename: str, templatename: str, context: dict[str, Any], doctree: Any) -> None:
+    def give_levels(app: Any, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
         """Give the headings of the theme's navigation the level that they lack."""
         tree = context.get("furo_navigation_tree", "")
         context["furo_navigation_tree"] = tree.replace('role="heading"', 'role="heading" aria-level="2"')
 
+    def add_style(app: Any, page: str, *_: Any) -> None:
+        if page.startswith("reference/"):
+            app.add_css_file("reference.css")
+
     app.connect("build-finished", write)
     app.connect("html-page-context", give_levels, priority=900)
+    app.connect("html-page-context", add_style)

@@ -91,6 +91,8 @@ def test_files_that_scripts_made_are_what_the_scripts_make():
     assert (SCENES / "lecture" / "splash.ply").read_bytes() == script("scenes/generate/splash.py").ply()
     with Image.open(SCENES / "lecture" / "coded_mask.png") as picture:
         assert (np.asarray(picture) == coded_mask.coded_mask()).all()
+    puff = np.load(SCENES / "kinds" / "media" / "puff.npy")
+    assert np.array_equal(puff, script("scenes/generate/puff.py").densities())
 
 
 def test_a_mask_repeated_is_correlated_with_itself_in_one_place_only():

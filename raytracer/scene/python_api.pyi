@@ -655,6 +655,7 @@ class _Cameras:
     def pinhole(
         *,
         diameter: float | str | None = ...,
+        aperture_shape: Literal["image", "polygon", "round"] | _ImageAperture | _Keys | _PolygonAperture | _Round | None = ...,
         vfov: float | str | None = ...,
         hfov: float | str | None = ...,
         dfov: float | str | None = ...,
@@ -680,12 +681,17 @@ class _Cameras:
         A hole of the diameter d, at the focal length f from the film, spreads a point at the distance z to d (1 + f / z).
         Without a `diameter` the hole is a point, which lets in as much light as an `f_number` says.
 
-        References: Young 1971, "Pinhole Optics", Applied Optics 10(12).
+        With an `aperture_shape` the hole is a mask of the same area, and each point of the scene casts the shadow of the
+        mask: a camera of coded aperture, without a lens, whose picture is reconstructed afterwards.
+
+        References: Young 1971, "Pinhole Optics", Applied Optics 10(12); Fenimore and Cannon 1978, "Coded aperture imaging
+        with uniformly redundant arrays", Applied Optics 17(3).
 
         Parameters
         ----------
         diameter : diameter of the hole (mm); its distance from the film is the focal length [millimetres, or with a
             unit]
+        aperture_shape : shape of the opening, of the same area as the round one: a type, or a mapping; round by default
         vfov : vertical field of view (deg), between 0 and 180; 90 where nothing says how much is seen [degrees, or with
             a unit]
         hfov : horizontal field of view (deg), in place of `vfov` [degrees, or with a unit]
