@@ -172,7 +172,7 @@ def test_a_folder_that_is_removed_is_made_again(home, monkeypatch):
         show(bar, progress)  # type: ignore[arg-type]
 
     monkeypatch.setattr(SampleBar, "show", remove)
-    assert main(["render", "ball.yaml", "--spp", "200", "-q", "-o", "out/a.npy"]) == 0
+    assert main(["render", "ball.yaml", "--spp", "2000", "-q", "-o", "out/a.npy"]) == 0
     assert removed
     assert np.isfinite(load("out/a.npy")).all()
 

@@ -23,7 +23,7 @@ from raytracer.schema.rules import exclusive, only
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 
 
-class Pinhole(ShapedSpec, PerspectiveSpec):
+class Pinhole(PerspectiveSpec, ShapedSpec):
     """Rays through one point, or through a hole: perspective without focus.
 
     A hole of the diameter d, at the focal length f from the film, spreads a point at the distance z to d (1 + f / z).
