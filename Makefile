@@ -72,7 +72,7 @@ bench: $(INSTALLED) $(GENERATED)  ## Measure the speed, against Mitsuba 3 too on
 peers: $(INSTALLED) $(INSTALLED_PEERS) $(MILLION)  ## Compare with Mitsuba 3, which this installs
 	$(VENV_PYTHON) bench/peers/compare.py --peer $(PEER_PYTHON)
 
-hard-cases: $(INSTALLED_TEST) $(GENERATED)  ## Measure what the naive way gets wrong and we do, into docs/hard-cases.md
+hard-cases: $(INSTALLED_TEST) $(GENERATED)  ## Measure what the naive way gets wrong and we do, into docs/hard-cases-table.md
 	$(VENV_PYTHON) -m tests.hard_cases $(HARD_CASES_ARGS)
 
 references: $(INSTALLED) $(GENERATED)  ## Render the reference images of the tests anew
