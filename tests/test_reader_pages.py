@@ -1,13 +1,12 @@
 """Pages that a new user follows: their commands exist and work, and print what the pages say."""
 
 import itertools
-import os
 import re
 import shlex
 import shutil
 import statistics
 import subprocess
-import sys
+import sysconfig
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +31,7 @@ PAGES = {
         *(ROOT / "docs" / f"{name}.md" for name in ("tutorial", "costs", "hard-cases", "only-what-is-called-for")),
     )
 }
+RT = Path(sysconfig.get_path("scripts")) / "rt"
 LENS = "double-gauss-50mm.yaml"
 
 every_page = pytest.mark.parametrize("name", PAGES)
@@ -126,11 +126,7 @@ def test_all_commands_of_a_new_user_work_in_the_order_of_the_page(name: str, fol
             continue
         takes = verb in ("render", "sweep", "cost") or words[0] == "render"
         done = subprocess.run(
-            [sys.executable, "-m", "raytracer.cli.main", verb, *words, *(small if takes else [])],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            [RT, verb, *words, *(small if takes else [])], capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, (verb, words, done.stderr)
     outputs = {word for words, _ in commands(name) for word in words if re.search(r"\.(png|html|lf)$", word)}

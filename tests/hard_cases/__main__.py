@@ -1,6 +1,6 @@
 """Measure the hard cases, and print what the naive way gets wrong, what we do, and what that costs: `make hard-cases`.
 
-    python -m tests.hard_cases             with as many trials as `make test-slow` makes, into docs/hard-cases-table.md
+    python -m tests.hard_cases             all, as thoroughly as `make test-slow`, into docs/hard-cases-table.md
     python -m tests.hard_cases 3 11 --quick --no-times      those alone, with few trials, to the terminal
 
 The exact setting costs the time that a scene takes by it over that by `accuracy: fast`, the median of renders
