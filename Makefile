@@ -80,11 +80,13 @@ references: $(INSTALLED) $(GENERATED)  ## Render the reference images of the tes
 
 gallery: $(INSTALLED) $(GENERATED)  ## Render the pictures in docs/gallery
 	$(VENV_PYTHON) docs/make_gallery.py
+	$(VENV_PYTHON) docs/make_thumbnails.py
 	$(VENV_PYTHON) -m tests.hard_cases.pictures
 
 docs: $(INSTALLED_TEST)  ## Write the reference from the code, draw the diagrams, and build the site into outputs/site
 	$(VENV_PYTHON) docs/make_scenes.py
 	$(VENV_PYTHON) docs/make_commands.py
+	$(VENV_PYTHON) docs/make_python_reference.py
 	$(VENV_PYTHON) docs/make_warnings.py
 	$(VENV_PYTHON) docs/make_python_api.py
 	$(VENV_PYTHON) docs/make_tree.py

@@ -21,6 +21,8 @@ html_math_renderer = "mathml"
 
 html_theme = "furo"
 html_title = "rt"
+html_static_path = ["_static"]
+html_css_files = ["reference.css"]
 html_show_sourcelink = False
 html_copy_source = False
 

@@ -1,11 +1,12 @@
-"""Write docs/commands.md, all commands with their options, from the application itself.
+"""Write docs/reference/commands, a page for each command with its options, from the application itself.
 
     python docs/make_commands.py
 
-`make docs` runs it, and a test compares the two, so that no command or option is lost unseen.
+`make docs` runs it, and a test compares the pages, so that no command or option is lost unseen.
 """
 
 import re
+import sys
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,15 +14,41 @@ from typing import Any
 
 import typer
 
-from raytracer.cli.base.app import application
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
 
-OUTPUT = Path(__file__).with_name("commands.md")
+from docs.documents import link, with_links  # noqa: E402
+from raytracer.cli.base.app import application  # noqa: E402
 
-_HEAD = """\
+OUTPUT = Path(__file__).parent / "reference" / "commands"
+
+CHAPTERS = {
+    "rt check": ("regression.md",),
+    "rt compare": ("comparing.md",),
+    "rt cost": ("costs.md",),
+    "rt lens": ("lenses.md",),
+    "rt lightfield": ("lightfields.md", "lightfield-format.md"),
+    "rt reference": ("regression.md",),
+    "rt render": ("aovs.md", "debugging.md", "reliability.md"),
+    "rt sweep": ("sweeps.md", "cluster.md"),
+    "rt validate": ("warnings.md",),
+}
+"""Documents that say more of a command and of those below it."""
+
+_INDEX = """\
 # Commands
 
-Made by `make docs` from the commands' own help; change that in the code instead. `rt COMMAND --help` says the same.
+`rt COMMAND --help` prints what the pages of this reference say: they are made from it. Results go to the standard
+output, messages and progress to standard error. The exit status is 0 for success, 1 if what was checked for failed, and
+2 for wrong usage or input.
 
+"""
+
+_CONTENTS = """
+```{{toctree}}
+:hidden:
+{names}
+```
 """
 
 
@@ -43,7 +70,7 @@ def _spelling(parameter: Any) -> str:
     names = ", ".join(parameter.opts)
     if parameter.is_flag:
         return f"`{names}`" + (f" / `{', '.join(parameter.secondary_opts)}`" if parameter.secondary_opts else "")
-    return f"`{names} {parameter.metavar or 'VALUE'}`"
+    return f"`{names} {_cell(parameter.metavar or 'VALUE')}`"
 
 
 def _meaning(parameter: Any) -> str:
@@ -53,26 +80,97 @@ def _meaning(parameter: Any) -> str:
     return text if is_told else f"{text} Default: {parameter.default}."
 
 
-def section(name: str, command: Any) -> str:
-    """Write the section of a command: what it does, its parameters as a table, and its examples."""
+def file_name(name: str) -> str:
+    """Return the file of a command's page: `lightfield-view.md` for `rt lightfield view`."""
+    return "-".join(name.split()[1:]) + ".md"
+
+
+def first_sentence(command: Any) -> str:
+    """Return the first sentence of a command's help."""
+    first = _cell((command.help or "").split("\n\n")[0])
+    return re.split(r"\. ", first + " ")[0]
+
+
+def table_of(names: Iterator[tuple[str, Any]]) -> str:
+    """Write a table of commands and what they do, with links to their pages."""
+    rows = (f"| [`{name}`]({file_name(name)}) | {first_sentence(command)} |\n" for name, command in names)
+    return "| command | does |\n|---|---|\n" + "".join(rows)
+
+
+def below(name: str, command: Any) -> Iterator[tuple[str, Any]]:
+    """List the commands right below a group."""
+    return ((f"{name} {word}", found) for word, found in getattr(command, "commands", {}).items())
+
+
+def _block(lines: list[str]) -> str:
+    return "```\n" + textwrap.dedent("\n".join(lines)) + "\n```"
+
+
+def epilog(text: str) -> Iterator[str]:
+    """Go through the examples at the end of a command's help, and what is said of them, as Markdown."""
+    first, *others = text.replace("\b\n", "").strip().split("\n\n")
+    # Without the word Example, with which they begin.
+    yield _block(first.splitlines()[1:])
+    for paragraph in others:
+        lines = paragraph.strip("\n").splitlines()
+        is_table = "   " in lines[0].strip()
+        said = [] if is_table else [line for line in lines if not line.startswith(" ")]
+        shown = lines if is_table else [line for line in lines if line.startswith(" ")]
+        if said:
+            yield re.sub(r" +", " ", "\n".join(said))
+        if shown:
+            yield _block(shown)
+
+
+def see_also(name: str) -> list[str]:
+    """List links to the documents that say more of a command."""
+    documents = next((pages for begin, pages in CHAPTERS.items() if f"{name} ".startswith(f"{begin} ")), ())
+    return [f"- {link(document)}" for document in documents]
+
+
+def body(name: str, command: Any) -> str:
+    """Write what a command does, its examples, its options, and the commands below it."""
+    parts = [re.sub(r"[ \t]+\n", "\n", (command.help or "").replace("\b", "").split("\f")[0]).strip()]
+    if command.epilog:
+        parts += ["## Examples", *epilog(command.epilog)]
     rows = [
-        f"| {_spelling(parameter)} | {_meaning(parameter)} |\n"
+        f"| {_spelling(parameter)} | {_meaning(parameter)} |"
         for parameter in command.params
         if not getattr(parameter, "hidden", False)
     ]
-    table = "| | |\n|---|---|\n" + "".join(rows) + "\n" if rows else ""
-    # Without the word Example, with which they begin.
-    examples = textwrap.dedent("\n".join((command.epilog or "").replace("\b", "").strip().splitlines()[1:]))
-    shown = f"```\n{examples}\n```\n\n" if examples else ""
-    text = re.sub(r"[ \t]+\n", "\n", (command.help or "").replace("\b", "").split("\f")[0]).strip()
-    return f"## {name}\n\n{text}\n\n{table}{shown}"
+    if rows:
+        parts += ["## Options", "\n".join(["| option | meaning |", "|---|---|", *rows])]
+    if listed := list(below(name, command)):
+        parts += ["## Commands", table_of(iter(listed)).rstrip()]
+    if more := see_also(name):
+        parts += ["## See also", "\n".join(more)]
+    return "\n\n".join(map(with_links, parts)) + "\n"
 
 
-def reference() -> str:
-    """Write the whole document."""
+def reference() -> dict[str, str]:
+    """Make the texts of all pages, by their names."""
     root = typer.main.get_command(application())
-    return _HEAD + "".join(section(*item) for item in commands(root)).rstrip() + "\n"
+    pages = {}
+    for name, command in commands(root):
+        contents = [file_name(found).removesuffix(".md") for found, _ in below(name, command)]
+        toctree = _CONTENTS.format(names="\n".join(contents)) if contents else ""
+        if command is root:
+            pages["index.md"] = _INDEX + body(name, command).replace("## Options", "## Options of rt itself") + toctree
+        else:
+            pages[file_name(name)] = f"# {name}\n\n{body(name, command)}{toctree}"
+    return pages
+
+
+def main() -> None:
+    """Write all pages, and remove those of commands that are no more."""
+    OUTPUT.mkdir(parents=True, exist_ok=True)
+    made = reference()
+    for path in OUTPUT.glob("*.md"):
+        if path.name not in made:
+            path.unlink()
+    for name, text in made.items():
+        (OUTPUT / name).write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    OUTPUT.write_text(reference(), encoding="utf-8")
+    main()

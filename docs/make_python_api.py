@@ -1,6 +1,6 @@
 """Write raytracer/scene/python_api.pyi, by which editors and type checkers know the words of scene files: `make docs`.
 
-It is made of the schema of scene files, as docs/scenes.md is; a test compares the two.
+It is made of the schema of scene files, as docs/reference/scenes is; a test compares the two.
 """
 
 import inspect

@@ -10,18 +10,19 @@ import tomllib
 from importlib.metadata import entry_points, version
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 import yaml
+from PIL import Image
 
 import raytracer
 from raytracer.analysis.explain import explain
 from raytracer.cli.base.app import application
 from raytracer.optics.to_yaml import spec_to_plain, to_yaml
-from raytracer.plugins.materials.base.interface import MaterialSpec
-from raytracer.plugins.shapes.base.interface import ShapeSpec
 from raytracer.scene.json_schema import lens_schema, scene_schema
 from raytracer.scene.load import build, load
+from raytracer.scene.overrides import parse_overrides
 from raytracer.schema.registry import (
     APERTURES,
     CAMERAS,
@@ -42,6 +43,10 @@ DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 COMMANDS = typer.main.get_command(application()).commands
 
 make_scenes = script("docs/make_scenes.py")
+make_thumbnails = script("docs/make_thumbnails.py")
+
+
+REFERENCE = "\n".join(path.read_text(encoding="utf-8") for path in sorted(make_scenes.OUTPUT.rglob("*.md")))
 
 
 def fenced(text, language):
@@ -86,10 +91,8 @@ KINDS = [
 ]
 
 
-@pytest.mark.parametrize(("family", "spec"), KINDS)
-def test_a_kinds_docstring_holds_a_scene_that_is_valid(family, spec, tmp_path):
-    snippet = make_scenes.snippet(sys.modules[spec.__module__].__doc__)
-    scene = load(scene_with(family, yaml.safe_load(snippet), tmp_path))
+def kinds_in(scene, family):
+    """The classes of a family's kinds that a scene has."""
     found = {
         APERTURES: [getattr(scene.camera, "aperture_shape", None)],
         CAMERAS: [scene.camera],
@@ -101,8 +104,48 @@ def test_a_kinds_docstring_holds_a_scene_that_is_valid(family, spec, tmp_path):
         SHAPES: scene.objects,
         TEXTURES: scene.textures.values(),
     }[family]
-    assert {type(item) for item in found} == {spec}
+    return {type(item) for item in found}
+
+
+@pytest.mark.parametrize(("family", "spec"), KINDS)
+def test_a_kinds_docstring_holds_a_scene_that_is_valid(family, spec, tmp_path):
+    snippet = make_scenes.snippet(sys.modules[spec.__module__].__doc__)
+    scene = load(scene_with(family, yaml.safe_load(snippet), tmp_path))
+    assert kinds_in(scene, family) == {spec}
     assert build(to_yaml(spec_to_plain(scene)), "again.yaml", base=tmp_path) == scene
+
+
+EXAMPLES = [
+    pytest.param(name, kind, id=f"{name}/{kind}")
+    for name, family in make_scenes.FAMILIES.items()
+    for kind in family.specs()
+]
+
+
+@pytest.mark.parametrize(("name", "kind"), EXAMPLES)
+def test_a_kinds_example_has_the_kind_and_a_picture_and_what_it_says_to_try_works(name, kind):
+    path, family = make_scenes.example(f"{name}/{kind}"), make_scenes.FAMILIES[name]
+    assert family.specs()[kind] in kinds_in(load(path), family)
+    first, second, *_ = path.read_text(encoding="utf-8").splitlines()
+    assert re.match(r"# [A-Z].*\.$", first)
+    changes = [
+        re.findall(r"-D ((?:\{[^}]*\}|[^\s{])+)", piece) for piece in second.removeprefix("# Try: ").split(", or ")
+    ]
+    tried = [[word.rstrip(",.") for word in words] for words in changes if words]
+    assert tried
+    assert all(load(path, parse_overrides(words)) != load(path) for words in tried)
+    with Image.open(make_thumbnails.THUMBNAILS / name / f"{kind}.jpg") as picture:
+        assert picture.width == make_thumbnails.WIDTH
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "kind"), EXAMPLES)
+def test_a_kinds_picture_is_what_its_example_renders(name, kind):
+    rendered = make_thumbnails.thumbnail(make_scenes.example(f"{name}/{kind}"))
+    with Image.open(make_thumbnails.THUMBNAILS / name / f"{kind}.jpg") as picture:
+        assert picture.size == rendered.size
+        shown, made = (np.asarray(image.reduce(20), float) for image in (picture, rendered))
+    assert np.abs(shown - made).mean() < 2.0
 
 
 def mappings_of_a_schema(node, name=""):
@@ -122,19 +165,20 @@ _WORDS = {"properties", "items", "anyOf", "oneOf", "prefixItems", "additionalPro
 
 
 @pytest.mark.parametrize(
-    ("described", "document"), [(scene_schema(), "scenes.md"), (lens_schema(), "lenses.md")], ids=["scene", "lens"]
+    ("described", "text"),
+    [(scene_schema(), REFERENCE), (lens_schema(), (ROOT / "docs" / "lenses.md").read_text(encoding="utf-8"))],
+    ids=["scene", "lens"],
 )
-def test_every_key_at_any_depth_is_described_and_in_the_reference(described, document):
-    text = (ROOT / "docs" / document).read_text(encoding="utf-8")
+def test_every_key_at_any_depth_is_described_and_in_the_reference(described, text):
     silent, missing = [], []
     for name, properties in mappings_of_a_schema(described):
         for key, below in properties.items():
-            if "const" in below or (document == "lenses.md" and key == "type"):
+            if "const" in below or (text is not REFERENCE and key == "type"):
                 continue
             if not below.get("description"):
                 silent.append(f"{name}.{key}")
             in_table = any(key in table for table in tables(text))
-            if not (in_table if document == "scenes.md" else re.search(rf"[`{{ ]{key}[`:]", text)):
+            if not (in_table if text is REFERENCE else re.search(rf"[`{{ ]{key}[`:]", text)):
                 missing.append(f"{name}.{key}")
     assert (silent, missing) == ([], [])
 
@@ -145,15 +189,14 @@ def tables(text):
 
 
 def test_each_mapping_of_a_scene_has_a_table_of_its_keys_and_links_lead_there():
-    text = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
-    # What every object and every material has besides its own keys has tables of its own.
-    shared = {*ShapeSpec.model_fields, *MaterialSpec.model_fields, "type"}
+    # What all kinds of some families have besides their own keys has tables of its own.
+    shared = {"type", *(key for base, _, _ in make_scenes.SHARED.values() for key in base.model_fields)}
     for name, properties in mappings_of_a_schema(scene_schema()):
-        assert any(set(properties) - shared <= table for table in tables(text)), name
-    sections = dict(re.findall(r"^### (\w+)\n(.*?)(?=^##|\Z)", text, re.DOTALL | re.MULTILINE))
-    row = re.search(r"^\| `shake` \| \[mapping\]\(#(\w+)\)", text, re.MULTILINE)
-    assert "| `amplitude` | number | needed | root mean square (deg) of the angle about each axis" in sections[row[1]]
-    assert sections["sellmeier"].count("| `b` |") == 1
+        assert any(set(properties) - shared <= table for table in tables(REFERENCE)), name
+    cameras = (make_scenes.OUTPUT / "cameras" / "index.md").read_text(encoding="utf-8")
+    (page,) = re.findall(r"^\| `shake` \| \[mapping\]\(\.\./(\w+\.md)#shake\)", cameras, re.MULTILINE)
+    section = (make_scenes.OUTPUT / page).read_text(encoding="utf-8").partition("\n## shake\n")[2]
+    assert "| `amplitude` | number | needed | root mean square (deg) of the angle about each axis" in section
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "scenes").glob("*.yaml")), ids=lambda path: path.stem)
@@ -181,10 +224,16 @@ def test_a_generated_file_that_is_missing_is_said_to_be_made_by_make_scenes(tmp_
 # ---- Documents
 
 
-def test_what_is_made_from_the_program_is_up_to_date():
-    for name in ("make_scenes", "make_commands"):
-        made = script(f"docs/{name}.py")
-        assert made.OUTPUT.read_text(encoding="utf-8") == made.reference(), "run `make docs`"
+@pytest.mark.parametrize("name", ["make_scenes", "make_commands", "make_python_reference"])
+def test_the_reference_is_up_to_date(name):
+    made = script(f"docs/{name}.py")
+    pages = {path.relative_to(made.OUTPUT).as_posix(): path for path in made.OUTPUT.rglob("*.md")}
+    texts = made.reference()
+    assert set(pages) == set(texts), "run `make docs`"
+    assert [page for page, path in pages.items() if path.read_text(encoding="utf-8") != texts[page]] == []
+
+
+def test_the_table_of_warnings_is_up_to_date():
     made = script("docs/make_warnings.py")
     text = made.OUTPUT.read_text(encoding="utf-8")
     assert made.with_tables(text) == text, "run `make docs`"
@@ -192,6 +241,7 @@ def test_what_is_made_from_the_program_is_up_to_date():
         made.with_tables(text.replace("## Photographs", "## Pictures"))
 
 
+SHIPPED = {path.read_text(encoding="utf-8"): path for path in (ROOT / "scenes" / "kinds").rglob("*.yaml")}
 EVERY_DOCUMENT = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 TARGETS = set(re.findall(r"^([a-z-]+):", MAKEFILE, re.MULTILINE))
 
@@ -204,7 +254,7 @@ def test_what_documents_show_is_valid_and_what_they_name_exists(document, tmp_pa
         if "camera:" in scene and "film:" in scene and "objects:" in scene:
             path = tmp_path / f"{number}.yaml"
             path.write_text(scene)
-            load(path)
+            load(SHIPPED.get(scene, path))
     # Links.
     links = re.findall(r"\]\((?!https?://)([^)#]*)(#[^)]*)?\)", text)
     assert [link for link, _ in links if not (document.parent / link).exists()] == []

@@ -1,5 +1,6 @@
 """The site: it builds without a warning or a network, its links lead somewhere, and it fits into small windows."""
 
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -12,7 +13,14 @@ import pytest
 from tests.repository import ROOT
 
 LECTURE = sorted((ROOT / "docs" / "lecture").glob("*.md"))
-PAGES = ["index", "scenes", "commands", "costs", "lecture", *(f"lecture/{path.stem}" for path in LECTURE)]
+REFERENCE = (
+    *("scenes/index", "scenes/rules", "scenes/exposure", "scenes/cameras/index", "scenes/cameras/thin_lens"),
+    *("scenes/materials/index", "commands/index", "commands/render", "python/index"),
+)
+PAGES = [
+    *("index", "costs", "lecture", *(f"lecture/{path.stem}" for path in LECTURE)),
+    *(f"reference/{name}" for name in REFERENCE),
+]
 
 
 class Page(HTMLParser):
@@ -81,12 +89,29 @@ def test_pages_have_one_title_headings_in_order_and_pictures_with_words(site: Pa
         assert not page.undescribed, name
 
 
-@pytest.mark.parametrize("words", ["circle of confusion", "hyperfocal", "弥散圆"])
-def test_words_are_found(words: str, site: Path, open_page: Any) -> None:
+def test_the_site_has_four_parts_and_a_page_for_every_kind_and_command(site: Path, pages: dict[Path, Page]) -> None:
+    text = (site / "index.html").read_text(encoding="utf-8")
+    captions = re.findall(r'class="caption"[^>]*><span class="caption-text">([^<]+)<', text)
+    assert captions == ["Tutorial", "How-to", "Reference", "Explanation"]
+    made = [path.relative_to(ROOT / "docs").with_suffix(".html") for path in (ROOT / "docs/reference").rglob("*.md")]
+    assert {str(path) for path in made} <= set(pages[site / "index.html"].links)
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        ("circle of confusion", "11-defocus"),
+        ("hyperfocal", "11-defocus"),
+        ("弥散圆", "glossary"),
+        ("rough_conductor", "reference/scenes/materials/rough_conductor"),
+        ("checkpoint", "reference/commands/render"),
+        ("rt.lightfield.refocus", "reference/python/lightfield"),
+    ],
+)
+def test_words_are_found(words: str, wanted: str, site: Path, open_page: Any) -> None:
     page = open_page(site / "search.html", f"?q={words}")
     page.wait_for_selector("ul.search li a")
     found = page.eval_on_selector_all("ul.search li a", "links => links.map(link => link.getAttribute('href'))")
-    wanted = "glossary" if words == "弥散圆" else "11-defocus"
     assert any(wanted in link for link in found), found
 
 

@@ -23,8 +23,8 @@ def load(
     path: The scene file; names of files in it are relative to its folder.
     overrides: Values by dotted path (`camera.f_number`, `objects[3].radius`, `objects.ball.radius`) that stand in
         place of the file's.
-    allow_files: Folders in which the scene may name files, besides its own (docs/scenes.md, Rules); overrides may
-        name any.
+    allow_files: Folders in which the scene may name files, besides its own (docs/reference/scenes/rules.md);
+        overrides may name any.
 
     Raises
     ------

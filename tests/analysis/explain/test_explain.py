@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from docs.make_scenes import nested_mappings
+from docs.scene_tables import nested_mappings
 from raytracer.analysis.explain import Circle, explain, parse_circle
 from raytracer.cli.base.app import main
 from raytracer.core.motion.trajectory import row_at
