@@ -181,3 +181,31 @@ def test_numbers_that_the_page_of_costs_reads_off_are_in_its_tables() -> None:
     told = re.search(r"`fast` takes ([\d.]+) times.*\nmedian, `robust` ([\d.]+) times, and .* ([\d.]+):", text)
     assert told is not None
     assert [float(number) for number in told.groups()] == pytest.approx([fast, robust, again], abs=0.0051)
+
+
+# ---- The table of the lecture
+
+
+def anchors(path: Path) -> set[str]:
+    """The sections of a page, as links name them."""
+    heads = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", head).lower().replace(" ", "-") for head in heads}
+
+
+def test_each_item_of_the_lecture_is_shown_somewhere_or_said_to_be_missing() -> None:
+    page = ROOT / "docs" / "lecture" / "items.md"
+    text = page.read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| (.+) \| (.*) \| (shown|partly: .+|missing) \|$", text, re.MULTILINE)
+    assert [int(number) for number, *_ in rows] == list(range(1, 151))
+    assert len({item for _, item, *_ in rows}) == 150
+    states = [state.partition(":")[0] for *_, state in rows]
+    told = re.search(r"(\d+) are shown, (\d+) are shown\nin part, and (\d+) are missing", text)
+    assert told is not None
+    assert [int(count) for count in told.groups()] == [states.count(state) for state in ("shown", "partly", "missing")]
+    for number, _, where, state in rows:
+        links = re.findall(r"\]\(([^)#]+)#?([^)]*)\)", where)
+        assert bool(links) == (state != "missing"), number
+        for link, anchor in links:
+            target = page.parent / link
+            assert target.exists(), link
+            assert not anchor or anchor in anchors(target), (link, anchor)
