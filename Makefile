@@ -80,6 +80,7 @@ references: $(INSTALLED) $(GENERATED)  ## Render the reference images of the tes
 
 gallery: $(INSTALLED) $(GENERATED)  ## Render the pictures in docs/gallery
 	$(VENV_PYTHON) docs/make_gallery.py
+	$(VENV_PYTHON) docs/make_tutorial.py
 	$(VENV_PYTHON) docs/make_thumbnails.py
 	$(VENV_PYTHON) -m tests.hard_cases.pictures
 

@@ -3,7 +3,6 @@
 import itertools
 import re
 import shlex
-import shutil
 import statistics
 import subprocess
 import sysconfig
@@ -12,7 +11,6 @@ from typing import Any
 
 import pytest
 import typer
-import yaml
 
 from raytracer.analysis.cost.text import study_text
 from raytracer.analysis.explain import explain
@@ -21,7 +19,7 @@ from raytracer.scene.load import load
 from raytracer.scene.overrides import parse_overrides
 from raytracer.util.errors import SceneError
 from tests.analysis.cost import studies
-from tests.repository import ROOT
+from tests.repository import ROOT, script
 
 COMMANDS = typer.main.get_command(application()).commands  # type: ignore[attr-defined]
 PAGES = {
@@ -32,7 +30,6 @@ PAGES = {
     )
 }
 RT = Path(sysconfig.get_path("scripts")) / "rt"
-LENS = "double-gauss-50mm.yaml"
 
 every_page = pytest.mark.parametrize("name", PAGES)
 
@@ -80,11 +77,8 @@ def test_commands_and_their_options_exist(name: str) -> None:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A new user's folder with the scenes of the pages, and in it."""
-    table, sunny = blocks("tutorial", "yaml")
-    (tmp_path / "table.yaml").write_text(table)
-    (tmp_path / "sunny.yaml").write_text(yaml.safe_dump(yaml.safe_load(table) | yaml.safe_load(sunny)))
+    script("docs/make_tutorial.py").write_scenes(tmp_path)
     (tmp_path / "ball.yaml").write_text(blocks("README", "yaml")[0])
-    shutil.copy(ROOT / "scenes" / "lenses" / LENS, tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
