@@ -17,12 +17,16 @@ myst_enable_extensions = ["colon_fence", "dollarmath"]
 # Sections can be linked to by their headings, as on the pages of a repository.
 myst_heading_anchors = 4
 
+# Blocks without a language are commands and what they print.
+highlight_language = "none"
+# Quotes and dots, but no dashes: options begin with two hyphens.
+smartquotes_action = "qe"
+
 html_math_renderer = "mathml"
 
 html_theme = "furo"
 html_title = "rt"
 html_static_path = ["_static"]
-html_css_files = ["reference.css"]
 html_show_sourcelink = False
 html_copy_source = False
 
@@ -31,7 +35,7 @@ html_show_search_summary = False
 
 
 def setup(app: Any) -> None:
-    """Write the pages that can be played with beside the lecture's."""
+    """Write the pages that can be played with beside the lecture's, and give the reference its style."""
 
     def write(app: Any, error: Exception | None) -> None:
         folder = Path(app.outdir) / "lecture" / "pages"
@@ -39,4 +43,9 @@ def setup(app: Any) -> None:
         for name, make in PAGES.items():
             (folder / f"{name}.html").write_bytes(make())
 
+    def add_style(app: Any, page: str, *_: Any) -> None:
+        if page.startswith("reference/"):
+            app.add_css_file("reference.css")
+
     app.connect("build-finished", write)
+    app.connect("html-page-context", add_style)

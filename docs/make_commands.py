@@ -73,9 +73,20 @@ def _spelling(parameter: Any) -> str:
     return f"`{names} {_cell(parameter.metavar or 'VALUE')}`"
 
 
+def _prose(text: str) -> str:
+    """Write options in a text as code, and what stands for a word, `<scene>`, as it is."""
+
+    def write(found: re.Match[str]) -> str:
+        if found[0].startswith("`"):
+            return found[0]
+        return f"`{found[0]}`" if found[0].startswith("-") else f"\\{found[0]}"
+
+    return re.sub(r"`[^`]*`|(?<![\w-])--?[a-zA-Z][\w-]*|<\w", write, text)
+
+
 def _meaning(parameter: Any) -> str:
     """Write the help of a parameter, with its default where that is a value and not told there."""
-    text = _cell(parameter.help or "")
+    text = _prose(_cell(parameter.help or ""))
     is_told = parameter.default in (None, False, True, ()) or "efault" in text
     return text if is_told else f"{text} Default: {parameter.default}."
 
@@ -117,7 +128,7 @@ def epilog(text: str) -> Iterator[str]:
         said = [] if is_table else [line for line in lines if not line.startswith(" ")]
         shown = lines if is_table else [line for line in lines if line.startswith(" ")]
         if said:
-            yield re.sub(r" +", " ", "\n".join(said))
+            yield _prose(re.sub(r" +", " ", "\n".join(said)))
         if shown:
             yield _block(shown)
 
@@ -130,7 +141,7 @@ def see_also(name: str) -> list[str]:
 
 def body(name: str, command: Any) -> str:
     """Write what a command does, its examples, its options, and the commands below it."""
-    parts = [re.sub(r"[ \t]+\n", "\n", (command.help or "").replace("\b", "").split("\f")[0]).strip()]
+    parts = [_prose(re.sub(r"[ \t]+\n", "\n", (command.help or "").replace("\b", "").split("\f")[0]).strip())]
     if command.epilog:
         parts += ["## Examples", *epilog(command.epilog)]
     rows = [

@@ -92,8 +92,8 @@ def _plain(annotation: Any) -> str:
 
 
 def _parameter(parameter: inspect.Parameter, known: dict[str, str]) -> str:
-    stars = {inspect.Parameter.VAR_POSITIONAL: "*", inspect.Parameter.VAR_KEYWORD: "**"}.get(parameter.kind, "")
-    text = stars + parameter.name
+    # With its stars, if it has any.
+    text = str(parameter).partition(":")[0].partition("=")[0].strip()
     if parameter.annotation is not inspect.Parameter.empty:
         text += f": {known.get(parameter.name) or _plain(parameter.annotation)}"
     if parameter.default is inspect.Parameter.empty:
@@ -189,15 +189,14 @@ with rt.lightfield.open("x.lf") as field:
 
 
 def words() -> Iterator[str]:
-    """Write the tables of the words of scene files."""
+    """Write the table of the words of scene files."""
     pages = {family: page for page, family in FAMILIES.items()}
     yield "| word | makes |\n|---|---|"
     for word, family in WORDS.items():
         listed = ", ".join(f"[{kind}](../scenes/{pages[family]}/{kind}.md)" for kind in family.specs())
         yield f"| `rt.{word}` | {listed} |"
-    yield "\n| word | keys |\n|---|---|"
-    for word, spec in sorted(parts().items()):
-        yield f"| `rt.{word}` | [its table](../scenes/{targets()[definition_name(spec)]}) |"
+    listed = (f"[`rt.{word}`](../scenes/{targets()[definition_name(spec)]})" for word, spec in sorted(parts().items()))
+    yield f"\nMappings without a type are capitalised: {', '.join(listed)}."
 
 
 def index() -> str:

@@ -154,7 +154,7 @@ def first_sentence(docstring: str | None) -> str:
 
 def kinds(name: str) -> Iterator[str]:
     """Write the table of the kinds of a family, with their pictures."""
-    yield "| | |\n|---|---|"
+    yield "| picture | kind |\n|---|---|"
     for kind, spec in FAMILIES[name].specs().items():
         page, picture = f"{name}/{kind}.md", f"![{kind}]({PICTURES}/{name}/{kind}.jpg)"
         yield f"| [{picture}]({page}) | [**{kind}**]({page})<br>{cell(first_sentence(spec.__doc__))} |"
@@ -188,16 +188,16 @@ def kind_page(name: str, kind: str, spec: type[Spec]) -> Iterator[str]:
     """Write the page of a kind: what it is, an example with its picture, its keys, and what says more."""
     family = FAMILIES[name]
     yield f"# {kind} ({family.noun})\n"
-    said = list(paragraphs(spec.__doc__))
-    yield "\n\n".join(text for text in said if not text.startswith("References:")) + "\n"
+    text = example(f"{name}/{kind}").read_text(encoding="utf-8")
+    first, *said = paragraphs(spec.__doc__)
+    yield f"{first}\n"
+    yield f"![{text.splitlines()[0].removeprefix('# ')}]({PICTURES}/{name}/{kind}.jpg)\n"
+    yield from (f"{paragraph}\n" for paragraph in said if not paragraph.startswith("References:"))
     yield f"```yaml\n{snippet(sys.modules[spec.__module__].__doc__)}\n```\n"
     word = next(word for word, other in PYTHON_FAMILIES.items() if other is family)
     yield f"In [Python](../python/index.md) it is `rt.{word}.{kind}(...)`.\n"
 
     yield "## Example\n"
-    text = example(f"{name}/{kind}").read_text(encoding="utf-8")
-    shown = text.partition("\n")[0].removeprefix("# ")
-    yield f"![{shown}]({PICTURES}/{name}/{kind}.jpg)\n"
     yield f"```\n$ rt render scenes/kinds/{name}/{kind}.yaml\n```\n"
     yield f"```yaml\n{text}```\n"
 
@@ -212,7 +212,7 @@ def kind_page(name: str, kind: str, spec: type[Spec]) -> Iterator[str]:
     yield "## See also\n"
     for document in CHAPTERS.get(f"{name}/{kind}", CHAPTERS[name]):
         yield f"- {link(document)}"
-    yield from (f"- {text}" for text in said if text.startswith("References:"))
+    yield from (f"- {paragraph}" for paragraph in said if paragraph.startswith("References:"))
 
 
 def placed(text: str, page: str) -> str:

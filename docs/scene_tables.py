@@ -78,7 +78,8 @@ def values(node: Mapping[str, Any]) -> str:
     if isinstance(node.get("additionalProperties"), Mapping):
         return f"names, each with {values(node['additionalProperties'])}"
     names = {"boolean": "true or false", "object": "mapping"}
-    return names.get(node.get("type", ""), node.get("type", "any"))
+    word = str(node.get("type", "any"))
+    return names.get(word, word)
 
 
 class Nested(NamedTuple):
@@ -154,8 +155,8 @@ def targets() -> Mapping[str, str]:
     for key, nested in nested_by_key().items():
         if key not in places:
             raise ValueError(f"no page of docs/reference/scenes has a table <!-- keys {key} -->")
-        for form, name in zip(nested.forms, nested.names, strict=True):
-            found[name or json.dumps(form)] = places[key]
+        for form, defined in zip(nested.forms, nested.names, strict=True):
+            found[defined or json.dumps(form)] = places[key]
     return found
 
 

@@ -84,6 +84,8 @@ def test_files_that_scripts_made_are_what_the_scripts_make():
         for name in names:
             assert (SCENES / folder / f"{name}.yaml").read_text(encoding="utf-8") == street.street(name)
     assert (SCENES / "lecture" / "splash.ply").read_bytes() == script("scenes/generate/splash.py").ply()
+    puff = np.load(SCENES / "kinds" / "media" / "puff.npy")
+    assert np.array_equal(puff, script("scenes/generate/puff.py").densities())
 
 
 def commands():

@@ -357,10 +357,12 @@ def test_make_help_lists_every_target():
     assert set(re.findall(r"^ *make ([a-z-]+)", done.stdout, re.MULTILINE)) == set(phony.split())
 
 
-def test_a_missing_snippet_is_refused():
+def test_a_missing_snippet_or_example_is_refused():
     assert make_scenes.snippet("Title.\n\nIn a scene:\n\n    a: 1\n    b:\n      c: 2\n") == "a: 1\nb:\n  c: 2"
     with pytest.raises(ValueError, match="an indented piece of a scene"):
         make_scenes.snippet("Title only.")
+    with pytest.raises(ValueError, match="cameras/eye has no example: write scenes/kinds/cameras/eye.yaml"):
+        make_scenes.example("cameras/eye")
 
 
 # ---- Releases

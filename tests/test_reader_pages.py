@@ -43,7 +43,8 @@ def commands(name: str) -> list[tuple[list[str], list[str]]]:
     """The words of each `rt` command of a page, and the lines that stand below it where a prompt stands before it."""
     found = []
     for block in blocks(name):
-        for piece in re.split(r"^(?=\$ rt |rt )", block, flags=re.MULTILINE)[1:]:
+        whole = re.sub(r" \\\n +", " ", block)
+        for piece in re.split(r"^(?=\$ rt |rt )", whole, flags=re.MULTILINE)[1:]:
             first, *output = piece.splitlines()
             words = shlex.split(first.removeprefix("$ "), comments=True)
             found.append((words[1:], output if first.startswith("$") else []))
@@ -104,6 +105,11 @@ def test_what_a_new_user_is_told_is_printed(name: str, folder: Path) -> None:
             Path(scene).write_text(Path(scene).read_text().replace("albdo", "albedo"))
 
 
+def test_scenes_that_a_new_user_writes_have_the_cameras_that_the_tutorial_tells_of(folder: Path) -> None:
+    cameras = {name: load(f"{name}.yaml").camera.type for name in ("array", "gauss", "sunny", "table")}
+    assert cameras == {"array": "camera_array", "gauss": "lens", "sunny": "thin_lens", "table": "pinhole"}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["README", "tutorial"])
 def test_all_commands_of_a_new_user_work_in_the_order_of_the_page(name: str, folder: Path) -> None:
@@ -114,7 +120,7 @@ def test_all_commands_of_a_new_user_work_in_the_order_of_the_page(name: str, fol
         # Dragons are another test's, and pixels those of a small film.
         if "dragons" in " ".join(words) or "--crop" in words or "--pixel" in words:
             continue
-        takes = verb in ("render", "sweep", "cost")
+        takes = verb in ("render", "sweep", "cost") or words[0] == "render"
         done = subprocess.run(
             [RT, verb, *words, *(small if takes else [])], capture_output=True, text=True, check=False
         )

@@ -129,6 +129,9 @@ def test_pages_fit_the_window(width: int, scheme: str, site: Path, open_page: An
     for name in PAGES:
         page = open_page(site / f"{name}.html", size=(width, 800), color_scheme=scheme)
         assert page.evaluate("document.documentElement.scrollWidth") <= width, name
+        if name.startswith("reference"):
+            tables = "tables => tables.filter(table => table.scrollWidth > table.clientWidth).length"
+            assert page.eval_on_selector_all(".table-wrapper", tables) == 0, name
         missing = (
             "images => images.filter(image => image.loading != 'lazy' && !image.naturalWidth).map(image => image.src)"
         )
