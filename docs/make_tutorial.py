@@ -41,7 +41,8 @@ def write_scenes(folder: Path) -> None:
 
 def main() -> None:
     """Run the commands that make the panels or what these are made of."""
-    commands = re.findall(r"^(?:\$ )?rt (.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    text = PAGE.read_text(encoding="utf-8").replace(" \\\n", " ")
+    commands = re.findall(r"^(?:\$ )?rt (.*)$", text, re.MULTILINE)
     pictures = []
     with tempfile.TemporaryDirectory() as folder:
         write_scenes(Path(folder))
