@@ -3,7 +3,7 @@
     python docs/make_gallery.py [NAME ...]    those alone: cover, lecture_aperture, optics_coma, ...
 
 Of a scene of scenes/lecture or scenes/optics, a picture shows several settings side by side: those of `LECTURE` and
-`OPTICS`.  `sweep` is the contact sheet of the sweep of docs/sweeps.md; `lightfield_letters` and the like, of `LIGHT_FIELDS`, are
+`OPTICS`.  `sweep` is the contact sheet in docs/sweeps.md; `lightfield_letters` and the like, of `LIGHT_FIELDS`, are
 what is made of light fields.
 """
 

@@ -26,7 +26,10 @@ PAGES = {
     path.stem: path.read_text(encoding="utf-8")
     for path in (
         ROOT / "README.md",
-        *(ROOT / "docs" / f"{name}.md" for name in ("tutorial", "costs", "hard-cases", "only-what-is-called-for")),
+        *(
+            ROOT / "docs" / f"{name}.md"
+            for name in ("tutorial", "costs", "hard-cases", "only-what-is-called-for", "sweeps")
+        ),
     )
 }
 RT = Path(sysconfig.get_path("scripts")) / "rt"
