@@ -186,6 +186,28 @@ def test_numbers_that_the_page_of_costs_reads_off_are_in_its_tables() -> None:
     assert [float(number) for number in told.groups()] == pytest.approx([fast, robust, again], abs=0.0051)
 
 
+def test_what_is_said_of_peers_and_of_effects_is_in_their_tables() -> None:
+    text, peers = PAGES["costs"], (ROOT / "docs" / "peers.md").read_text(encoding="utf-8")
+    default, best = re.findall(r"^\| geometric mean \| \| \| \| ([\d.]+) \| ([\d.]+) \|$", peers, re.MULTILINE)[0]
+    ratios = {
+        name: float(ratio)
+        for name, ratio in re.findall(r"^\| (\w+), \d+ x \d+ \|.* \| ([\d.]+) \|$", peers, re.MULTILINE)
+    }
+    assert len(ratios) == 9
+    low, high = min(ratios, key=ratios.__getitem__), max(ratios, key=ratios.__getitem__)
+    assert f"It is {default} of Mitsuba's with its default sampler" in " ".join(text.split())
+    assert f"in the geometric mean of the nine scenes, and {best} of" in " ".join(text.split())
+    assert f"from {ratios[low]:.2g} (`{low}`) to {ratios[high]:.2g} (`{high}`)" in " ".join(text.split())
+    effects = dict(re.findall(r"^\| (\w+: .*?) \| ([\d.]+) .* \|$", text, re.MULTILINE))
+    for words, effect, times in (
+        ("one moving ball costs a third more time", "motion: one small sphere moves", 4 / 3),
+        ("a checker a quarter", "texture: checker on the ground", 5 / 4),
+        ("haze without end ten times", "medium: haze everywhere, without end", 10.0),
+    ):
+        assert words in " ".join(PAGES["only-what-is-called-for"].split())
+        assert float(effects[effect]) == pytest.approx(times, rel=0.1)
+
+
 # ---- The table of the lecture
 
 
