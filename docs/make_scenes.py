@@ -98,6 +98,10 @@ def snippet(docstring: str | None) -> str:
 # ---- What stands between markers
 
 
+_HAS_SCENE = {"motion"}
+"""Mappings whose page has a scene already."""
+
+
 def nested_keys(key: str) -> Iterator[str]:
     """Write of what a mapping within others is the value, what it is, and the tables of its keys."""
     nested = nested_by_key()[key]
@@ -110,7 +114,7 @@ def nested_keys(key: str) -> Iterator[str]:
         if spec is not None and spec.__doc__:
             yield "\n\n".join(paragraphs(spec.__doc__)).replace("References:", "*References*:") + "\n"
             text = sys.modules[spec.__module__].__doc__ or ""
-            if "In a scene:" in text and first_of_module()[spec.__module__] == key:
+            if "In a scene:" in text and first_of_module()[spec.__module__] == key not in _HAS_SCENE:
                 yield f"```yaml\n{snippet(text)}\n```\n"
     for number, (spec, form) in enumerate(zip(specs, nested.forms, strict=True)):
         if number:

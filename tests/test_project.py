@@ -361,7 +361,7 @@ def test_a_missing_snippet_or_example_is_refused():
     assert make_scenes.snippet("Title.\n\nIn a scene:\n\n    a: 1\n    b:\n      c: 2\n") == "a: 1\nb:\n  c: 2"
     with pytest.raises(ValueError, match="an indented piece of a scene"):
         make_scenes.snippet("Title only.")
-    with pytest.raises(ValueError, match="cameras/eye has no example: write scenes/kinds/cameras/eye.yaml"):
+    with pytest.raises(ValueError, match=r"cameras/eye has no example: write scenes/kinds/cameras/eye\.yaml"):
         make_scenes.example("cameras/eye")
 
 
