@@ -96,7 +96,9 @@ class _Compiled:
 
 
 def _instructions(linked):
-    """Count the instructions of a linked kernel, as bench/kernels.py does."""
+    """Count the instructions of a linked kernel, as bench/kernels.py does; 0 of one that was in the cache."""
+    if linked is None:
+        return 0
     sys.path.append(str(ROOT / "bench"))
     counted_in = script("bench/kernels.py").counted_in
     return counted_in(str(build_entry._target_machine().emit_assembly(linked))).total()
