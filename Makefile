@@ -72,7 +72,7 @@ bench: $(INSTALLED) $(GENERATED)  ## Measure the speed, against Mitsuba 3 too on
 peers: $(INSTALLED) $(INSTALLED_PEERS) $(MILLION)  ## Compare with Mitsuba 3, which this installs
 	$(VENV_PYTHON) bench/peers/compare.py --peer $(PEER_PYTHON)
 
-hard-cases: $(INSTALLED_TEST) $(GENERATED)  ## Measure what the naive way gets wrong and we do, into docs/hard-cases.md
+hard-cases: $(INSTALLED_TEST) $(GENERATED)  ## Measure what the naive way gets wrong and we do, into docs/hard-cases-table.md
 	$(VENV_PYTHON) -m tests.hard_cases $(HARD_CASES_ARGS)
 
 references: $(INSTALLED) $(GENERATED)  ## Render the reference images of the tests anew
@@ -81,6 +81,7 @@ references: $(INSTALLED) $(GENERATED)  ## Render the reference images of the tes
 gallery: $(INSTALLED) $(GENERATED)  ## Render the pictures in docs/gallery
 	$(VENV_PYTHON) docs/make_gallery.py
 	$(VENV_PYTHON) docs/make_strips.py
+	$(VENV_PYTHON) docs/make_tutorial.py
 	$(VENV_PYTHON) docs/make_thumbnails.py
 	$(VENV_PYTHON) -m tests.hard_cases.pictures
 

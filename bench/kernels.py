@@ -1,5 +1,6 @@
-"""Show whether the machine code of scenes is that of another revision.
+"""Show how much machine code scenes need, or whether it is that of another revision.
 
+    python bench/kernels.py --sizes cover glass
     python bench/kernels.py --against HEAD~1 cover glass
 
 A scene pays for what it names, so what is added for other scenes must leave its kernel as it was. Each scene is
@@ -47,7 +48,11 @@ def instructions(scene: Path) -> Counter[str]:
         from raytracer.kernel.path_tracer import render_tile
         from raytracer.rendering.cluster.worker import prepare as compile_scene
 
-    code = _assembly(lambda: compile_scene(load(scene)), render_tile)
+    return counted_in(_assembly(lambda: compile_scene(load(scene)), render_tile))
+
+
+def counted_in(code: str) -> Counter[str]:
+    """Count the instructions of the kernel in its assembly."""
     counts: Counter[str] = Counter()
     inside = False
     for line in code.splitlines():
@@ -119,15 +124,25 @@ def compare(scene: str, before: Path) -> list[str]:
     return [scene, str(old.total()), str(new.total()), str(moved), "the same" if moved == 0 else "changed"]
 
 
+def size(scene: str) -> list[str]:
+    """Make the row of a scene: its name and the instructions of its kernel."""
+    say(scene)
+    return [scene, f"{counted(ROOT, SCENES / f'{scene}.yaml').total():,}"]
+
+
 def main() -> None:
     """Compile, count, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", default=DEFAULT_SCENES, help=f"default: {' '.join(DEFAULT_SCENES)}")
     parser.add_argument("--against", default="HEAD", metavar="REVISION", help="default: HEAD")
+    parser.add_argument("--sizes", action="store_true", help="count the instructions, and compare with nothing")
     parser.add_argument("--count", type=Path, metavar="SCENE", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.count is not None:
         print(json.dumps(instructions(arguments.count)))
+        return
+    if arguments.sizes:
+        print(table(("scene", "instructions"), map(size, arguments.scenes)))
         return
     with tempfile.TemporaryDirectory() as folder:
         before = exported(arguments.against, Path(folder))

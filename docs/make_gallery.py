@@ -3,7 +3,7 @@
     python docs/make_gallery.py [NAME ...]    those alone: cover, lecture_aperture, optics_coma, ...
 
 Of a scene of scenes/lecture or scenes/optics, a picture shows several settings side by side: those of
-`gallery_sheets.py`.  `sweep` is the contact sheet of the README's sweep; others are made one by one, by `MADE`.
+`gallery_sheets.py`.  `sweep` is the contact sheet of docs/sweeps.md; others are made one by one, by `MADE`.
 """
 
 import sys

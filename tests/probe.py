@@ -8,6 +8,7 @@ import json
 import re
 import sys
 from collections import Counter
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from raytracer.kernel.path_state import workspace
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.scene.pack.scene import pack, scene_ids
+from tests.repository import ROOT, script
 from tests.small_scenes import scene
 
 PINHOLE = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}\n"
@@ -80,6 +82,7 @@ class _Compiled:
     def __init__(self):
         self.modules: Counter[str] = Counter()
         self.code = ""
+        self.linked: Any = None
 
     def lower_part(self, function, *arguments, **options):
         self.modules[function.__module__] += 1
@@ -88,7 +91,17 @@ class _Compiled:
     def link_entry(self, *arguments):
         module = link_entry(*arguments)
         self.code = str(module)
+        self.linked = module
         return module
+
+
+def _instructions(linked):
+    """Count the instructions of a linked kernel, as bench/kernels.py does; 0 of one that was in the cache."""
+    if linked is None:
+        return 0
+    sys.path.append(str(ROOT / "bench"))
+    counted_in = script("bench/kernels.py").counted_in
+    return counted_in(str(build_entry._target_machine().emit_assembly(linked))).total()
 
 
 def compiled(name):
@@ -115,6 +128,7 @@ def compiled(name):
         "cache_hits": render_tile.counts["loaded"] - before["loaded"],
         "cache_misses": render_tile.counts["compiled"] - before["compiled"],
         "llvm_size": len(code),
+        "instructions": _instructions(listener.linked),
         "calls": {
             symbol: len(re.findall(rf'call [^\n]*@"?{symbol}"?\(', code))
             for symbol in ("rtcIntersect8", "rtcOccluded8")

@@ -26,7 +26,7 @@ make_gallery, street = script("docs/make_gallery.py"), script("scenes/generate/s
 coded_mask, lensless = script("scenes/generate/coded_mask.py"), script("docs/examples/lensless.py")
 make_diagrams = script("docs/make_diagrams.py")
 
-LECTURE = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "lecture").glob("*.md")))
+LECTURE = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "lecture").glob("[0-9]*.md")))
 OPTICS = (ROOT / "docs" / "lenses-gallery.md").read_text(encoding="utf-8")
 SHEETS = {
     f"{folder}/{name}": (SCENES / folder / f"{sheet.scene or name}.yaml", sheet)

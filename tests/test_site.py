@@ -20,7 +20,16 @@ REFERENCE = (
     *("scenes/materials/index", "commands/index", "commands/render", "python/index"),
 )
 PAGES = [
-    *("index", "costs", "lecture", *(f"lecture/{path.stem}" for path in LECTURE)),
+    *(
+        "index",
+        "tutorial",
+        "costs",
+        "hard-cases",
+        "only-what-is-called-for",
+        "scenes-gallery",
+        "lecture",
+        *(f"lecture/{path.stem}" for path in LECTURE),
+    ),
     *(f"reference/{name}" for name in REFERENCE),
 ]
 

@@ -655,13 +655,13 @@ class _Cameras:
     def pinhole(
         *,
         diameter: float | str | None = ...,
-        aperture_shape: Literal["image", "polygon", "round"] | _ImageAperture | _Keys | _PolygonAperture | _Round | None = ...,
         vfov: float | str | None = ...,
         hfov: float | str | None = ...,
         dfov: float | str | None = ...,
         focal_length: float | str | None = ...,
         equivalent_focal_length: float | str | None = ...,
         f_number: float | str | None = ...,
+        aperture_shape: Literal["image", "polygon", "round"] | _ImageAperture | _Keys | _PolygonAperture | _Round | None = ...,
         sensor: Literal["medium_format", "full_frame", "aps_h", "aps_c", "four_thirds", "1-inch", "1/1.63-inch", "1/2.3-inch", "1/3.2-inch"] | _SensorSpec | _Keys | None = ...,
         sensor_fit: Literal["crop", "horizontal", "vertical", "overscan"] | None = ...,
         iso: float | str | None = ...,
@@ -691,7 +691,6 @@ class _Cameras:
         ----------
         diameter : diameter of the hole (mm); its distance from the film is the focal length [millimetres, or with a
             unit]
-        aperture_shape : shape of the opening, of the same area as the round one: a type, or a mapping; round by default
         vfov : vertical field of view (deg), between 0 and 180; 90 where nothing says how much is seen [degrees, or with
             a unit]
         hfov : horizontal field of view (deg), in place of `vfov` [degrees, or with a unit]
@@ -700,6 +699,7 @@ class _Cameras:
         equivalent_focal_length : focal length (mm) that has the same diagonal field of view on 36 x 24 mm, in place of
             `focal_length` [millimetres, or with a unit]
         f_number : focal length over the diameter of the entrance pupil; inf for a pinhole
+        aperture_shape : shape of the opening, of the same area as the round one: a type, or a mapping; round by default
         sensor : a name (medium_format, full_frame, aps_h, aps_c, four_thirds, 1-inch, 1/1.63-inch, 1/2.3-inch,
             1/3.2-inch), or {width: 36 mm, height: 24 mm}; full_frame where only a focal length is given, or there is no
             lens

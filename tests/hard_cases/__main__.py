@@ -1,6 +1,6 @@
 """Measure the hard cases, and print what the naive way gets wrong, what we do, and what that costs: `make hard-cases`.
 
-    python -m tests.hard_cases             all, with as many trials as `make test-slow` makes, into docs/hard-cases.md
+    python -m tests.hard_cases             all, as thoroughly as `make test-slow`, into docs/hard-cases-table.md
     python -m tests.hard_cases 3 11 --quick --no-times      those alone, with few trials, to the terminal
 
 The exact setting costs the time that a scene takes by it over that by `accuracy: fast`, the median of renders
@@ -28,7 +28,7 @@ from raytracer.scene.load import load
 from tests.hard_cases.harness import SCENES, HardCase, Measured, cases
 from tests.repository import ROOT
 
-PAGE = ROOT / "docs" / "hard-cases.md"
+PAGE = ROOT / "docs" / "hard-cases-table.md"
 BEGIN, END = "<!-- what `make hard-cases` measured -->\n", "<!-- as measured until here -->\n"
 
 LARGE = ("cover", "million")
@@ -199,7 +199,9 @@ def main():
     parser.add_argument("--no-times", action="store_true", help="without what the exact setting costs")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"of renders that are timed (default: {ROUNDS})")
     parser.add_argument("--threads", type=int, default=available_threads(), help="default: all processors")
-    parser.add_argument("--page", type=Path, help="where the table goes as Markdown (default: docs/hard-cases.md)")
+    parser.add_argument(
+        "--page", type=Path, help="where the table goes as Markdown (default: docs/hard-cases-table.md)"
+    )
     arguments = parser.parse_args()
     numbers, threads = arguments.numbers, arguments.threads
     chosen = [case for case in cases() if not numbers or case.number in numbers]

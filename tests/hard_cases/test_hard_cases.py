@@ -1,6 +1,7 @@
 """Every hard case: our error is within its tolerance, and that of the naive way is not; and the page that tells so."""
 
 import math
+import re
 
 import pytest
 
@@ -38,6 +39,23 @@ def test_every_case_and_scene_is_there_and_on_the_page():
     missing = [name for name, case in CASES.items() if f"| {case.number}. {case.title} |" not in text]
     assert not missing, "run `make hard-cases`"
     assert "FAILS" not in text
+
+
+def test_what_is_explained_is_in_the_table():
+    table = PAGE.read_text(encoding="utf-8")
+    text = PAGE.with_name("hard-cases.md").read_text(encoding="utf-8")
+    told = re.findall(r"^> \*(.*)\*: naive (\S+), ours (\S+) \(case (\d+)\)$", text, re.MULTILINE)
+    assert len(told) == text.count("\n> ") == 12
+    for what, naive, ours, number in told:
+        (rows,) = re.findall(rf"((?:^\| {number}\. .*\n(?:^\|  \|.*\n)*)+)", table, re.MULTILINE)
+        assert f"| {what} | {naive} | {ours} |" in rows, what
+    counts = (
+        f"{len({case.number for case in CASES.values()})} cases with {table.count(' | passes | ')} such measurements"
+    )
+    assert counts in " ".join(text.split())
+    for scene, words in (("cover", "the cover takes {} times"), ("million", "triangles {} times")):
+        (cost,) = re.findall(rf"^\| `scenes/{scene}\.yaml` \| (\S+) ", table, re.MULTILINE)
+        assert words.format(cost) in " ".join(text.split())
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.yaml")), ids=lambda path: path.stem)

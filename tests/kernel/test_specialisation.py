@@ -6,6 +6,7 @@ What is compiled is asked of a process of its own (tests/probe.py), since Numba 
 import itertools
 import json
 import os
+import re
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -231,6 +232,33 @@ def test_what_only_some_scenes_call_for_is_compiled_for_these_alone(kernels):
     found = {name: [m for m in report["modules"] if m.startswith(aovs)] for name, report in kernels.all().items()}
     assert found.pop("plain+depth") == [aovs + "base.layers", aovs + "surface"]
     assert not any(found.values())
+
+
+# ---- The page of what scenes weigh
+
+PAGE = (ROOT / "docs" / "only-what-is-called-for.md").read_text(encoding="utf-8")
+WEIGHTS = {
+    name: (added, int(count.replace(",", "")), float(times))
+    for name, added, count, times in re.findall(r"^\| (\w+) \| (.*) \| ([\d,]+) \| ([\d.]+) \|$", PAGE, re.MULTILINE)
+}
+
+
+def test_the_page_of_weights_tells_of_scenes_that_are_compiled_here(kernels):
+    (text,) = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+    assert type_of(text) == numba.typeof(pack(scene(SCENES["plain"], filled=False)).scene)
+    for name, (added, count, times) in WEIGHTS.items():
+        assert all(piece.strip("{}") in SCENES[name] for piece in re.findall(r"`(.*?)`", added)), name
+        assert times == round(count / WEIGHTS["plain"][1], 2)
+    # Other processors have other instructions.
+    for name in ("plain", "many"):
+        assert kernels[name]["instructions"] == pytest.approx(WEIGHTS[name][1], rel=0.25)
+
+
+@pytest.mark.slow
+def test_kernels_weigh_what_the_page_says(kernels):
+    plain = kernels["plain"]["instructions"]
+    for name, (_, _, times) in WEIGHTS.items():
+        assert kernels[name]["instructions"] / plain == pytest.approx(times, rel=0.15), name
 
 
 def test_a_second_process_compiles_nothing(kernels):

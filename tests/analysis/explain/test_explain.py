@@ -344,13 +344,6 @@ def test_objects_are_those_with_a_name_or_a_motion():
     assert "and 2 more that move" in found.text()
 
 
-def test_the_readme_shows_what_is_printed():
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    shown = readme[readme.index("```\nSimulated") + 4 :].partition("```")[0].splitlines()
-    printed = explain(load(ROOT / "scenes" / "cover.yaml")).text().splitlines()
-    assert [line for line in shown if line.strip() != "..." and line not in printed] == []
-
-
 @pytest.mark.parametrize("focal_length", ["0.6 mm", "1.4 mm"])
 def test_a_light_field_camera_is_focused_where_its_key_says_and_not_where_microlenses_see(focal_length):
     # Microlenses that show the image of that plane lie before or behind it, in the image of another.
