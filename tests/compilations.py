@@ -20,7 +20,7 @@ import pytest
 
 from raytracer.core.compiler.entry import Entry
 
-BUDGET = {"path tracers": 90, "kernels in all": 520}
+BUDGET = {"path tracers": 70, "kernels in all": 465}
 """The most that all quick tests together may need."""
 
 _PATH_TRACER = "render_tile"
