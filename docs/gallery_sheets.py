@@ -273,6 +273,38 @@ LECTURE = {
             for time, n in (("1/1000 s", 2), ("1/8 s", 22), ("2 s", 90))
         ],
     ),
+    "three_settings": Sheet(
+        3,
+        320,
+        256,
+        [
+            *(
+                Variant(
+                    f"f/{n}",
+                    {"camera.f_number": 2 ** (k + 0.5), "camera.shutter": "1/512 s", "camera.iso": 25 * 4 ** (k + 1)},
+                )
+                for k, n in ((0, 1.4), (2, 5.6), (4, 22))
+            ),
+            *(
+                Variant(
+                    f"{time} s", {"camera.f_number": 2**4.5, "camera.shutter": 0.5 / 4**k, "camera.iso": 100 * 4**k}
+                )
+                for k, time in ((4, "1/500"), (2, "1/30"), (0, "1/2"))
+            ),
+            *(
+                Variant(
+                    f"ISO {iso}",
+                    {
+                        "camera.iso": iso,
+                        "camera.shutter": 100 / 32 / iso,
+                        "camera.sensor": {"format": "full_frame", "noise": True},
+                    },
+                )
+                for iso in (100, 1600, 25600)
+            ),
+        ],
+        scene="equivalent_exposures",
+    ),
     "building_up": Sheet(
         4,
         240,

@@ -192,6 +192,30 @@ def microlenses_picture() -> Image.Image:
     return sheet(list(pictures.values()), list(pictures), 3)
 
 
+def raw_picture() -> Image.Image:
+    """One raw picture through a double Gauss: its cells, what its pixels see from, and four focuses made of it."""
+    glass = {"camera.lens": "../lenses/double-gauss-50mm.yaml", "camera.focal_length": None, "camera.f_number": 2}
+    near = {"camera.focus_on": None, "camera.focus_distance": 0.65}
+    image = render(load(SCENES / "lightfield" / "small.yaml", glass | near), spp=32).image
+    field = extract_light_field(image)
+    count = range(field.views.rows)
+    pictures = {
+        "the raw picture": to_uint8(image.radiance),
+        "a part of it": to_uint8(image.radiance[560:602, 700:756]),
+        "the mean of each cell": _refocused(field, 0.65),
+        "all views": to_uint8(np.block([[[field.view(row, column)] for column in count] for row in count])),
+        **{
+            f"view from {words}": to_uint8(field.view(*place))
+            for words, place in {"the left": (2, 1), "the middle": (2, 2), "the right": (2, 4), "below": (4, 2)}.items()
+        },
+        **{f"refocused on {distance} m": _refocused(field, distance) for distance in (0.77, 0.9, 1.1, 1.6)},
+    }
+    panels = [Image.fromarray(picture) for picture in pictures.values()]
+    # Cells keep their pixels.
+    sizes = [(panel, Image.Resampling.NEAREST if panel.width < 300 else Image.Resampling.LANCZOS) for panel in panels]
+    return sheet([np.asarray(panel.resize((300, 225), how)) for panel, how in sizes], list(pictures), 4)
+
+
 def sphere_picture() -> Image.Image:
     """All directions from a point among the spheres of the cover."""
     seen = probe_sphere(SCENES / "cover.yaml", (4.0, 1.2, 2.0), toward=(0.0, 1.0, 0.0), width=LONGEST_EDGE, spp=64)
@@ -255,15 +279,26 @@ MADE: Mapping[str, Callable[[], Image.Image]] = {
     "lightfield_depth": depth_picture,
     "lightfield_microlenses": microlenses_picture,
     "lightfield_sphere": sphere_picture,
+    "lightfield_raw": raw_picture,
 }
 """What makes the pictures that are more than settings of a scene side by side."""
 
 
+CROSS_SECTIONS = {
+    "lens_section": "double-gauss-50mm",
+    "lens_phone": "phone-3.7mm",
+    "lens_plano_convex": "plano-convex-100mm",
+}
+"""Lenses that `rt lens` draws, by the names of the drawings."""
+
+
 def main() -> None:
-    """Render the scenes that are named, or all."""
+    """Render the scenes that are named, or all; and draw the lenses."""
     GALLERY.mkdir(exist_ok=True)
     plain = {file.stem: file for file in sorted(SCENES.glob("*.yaml"))}
     in_folders = [f"{folder}_{name}" for folder, sheets in SHEETS.items() for name in sheets]
+    for name, lens in CROSS_SECTIONS.items():
+        run_command(["lens", str(SCENES / "lenses" / f"{lens}.yaml"), "-o", str(GALLERY / f"{name}.svg"), "--quiet"])
     for name in sys.argv[1:] or [*plain, *in_folders, *MADE, "sweep"]:
         if name in plain:
             scene_picture(plain[name])
