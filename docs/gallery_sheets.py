@@ -289,7 +289,7 @@ LECTURE = {
                 Variant(
                     f"{time} s", {"camera.f_number": 2**4.5, "camera.shutter": 0.5 / 4**k, "camera.iso": 100 * 4**k}
                 )
-                for k, time in ((4, "1/500"), (2, "1/30"), (0, "1/2"))
+                for k, time in ((3, "1/125"), (2, "1/30"), (0, "1/2"))
             ),
             *(
                 Variant(

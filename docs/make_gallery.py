@@ -233,11 +233,16 @@ def nested_sensors_picture() -> Image.Image:
     spec = load(SCENES / "lecture" / "sensor_sizes.yaml", {**size, "camera.sensor": sensor, "camera.focal_length": 50})
     paper = Image.fromarray(render(spec, spp=SPP).image.display())
     draw, font = ImageDraw.Draw(paper), ImageFont.load_default(FONT_SIZE)
-    for name, (width, height) in sorted(SENSORS.items(), key=lambda item: -item[1][0]):
-        right, down = (0.5 * LONGEST_EDGE / largest[0] * edge for edge in (width, height))
-        x, y = 0.5 * paper.width, 0.5 * paper.height
+    x, y = 0.5 * paper.width, 0.5 * paper.height
+    for number, (name, size_mm) in enumerate(sorted(SENSORS.items(), key=lambda item: -item[1][0])):
+        right, down = (0.5 * LONGEST_EDGE / largest[0] * edge for edge in size_mm)
         draw.rectangle((x - right, y - down, x + right - 1, y + down - 1), outline=PAPER, width=2)
-        draw.text((x - right + 6, y - down + 4), name, PAPER, font, stroke_width=2, stroke_fill=INK)
+        place = (x - right + 6, y - down + 4)
+        # The small ones have their names beside them.
+        if number > 4:
+            place = (x + 0.19 * paper.width, y + 22 * (number - 7))
+            draw.line((x + right, y, place[0] - 4, place[1] + 9), fill=PAPER)
+        draw.text(place, name, PAPER, font, stroke_width=2, stroke_fill=INK)
     return paper
 
 
