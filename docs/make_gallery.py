@@ -269,7 +269,7 @@ def lensless_picture() -> Image.Image:
         "what the sensor records": recorded,
         "the shadow of the mask": np.repeat(shadow[..., None], 3, axis=2),
         "reconstructed": reconstruct(recorded, shadow),
-        "a hole as wide as one square, in 480 times the time": seen,
+        "one hole, in 480 times the time": seen,
     }
     panels = [to_uint8(np.maximum(picture, 0.0) / np.percentile(picture, 99.5)) for picture in pictures.values()]
     return sheet(panels, list(pictures), 2)
