@@ -88,4 +88,4 @@ def open_page(chromium):
         for event, listener in heard.items():
             page.remove_listener(event, listener)
         chromium.give(settings, page)
-    assert not complaints
+    assert not complaints, complaints
