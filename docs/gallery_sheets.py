@@ -221,7 +221,7 @@ LECTURE = {
         400,
         256,
         [
-            Variant(f"1/{rate} s, ISO {2.5 * rate:.3g}", {"camera.shutter": 1 / rate, "camera.iso": 2.5 * rate})
+            Variant(f"1/{rate} s, ISO {2.5 * rate:g}", {"camera.shutter": 1 / rate, "camera.iso": 2.5 * rate})
             for rate in (1000, 200, 15)
         ],
     ),
