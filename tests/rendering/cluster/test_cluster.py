@@ -329,10 +329,11 @@ def test_every_effect_goes_along(cluster, name, keys):
 def test_a_render_goes_on_elsewhere(spec, cluster, tmp_path, order, monkeypatch):
     monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
     first, second = (cluster, None) if order.startswith("there") else (None, cluster)
-    path, spp = tmp_path / "a.checkpoint", 400
+    path, spp = tmp_path / "a.checkpoint", 1000
 
     def stop(progress):
-        if progress.done > 0.3 * progress.wanted:
+        # As early as can be: on a busy machine much may be done between two looks.
+        if progress.done > 0:
             raise KeyboardInterrupt
 
     broken = render(spec, spp=spp, cluster=first, checkpoint_writer=CheckpointWriter(path), progress=stop)
