@@ -28,7 +28,7 @@ def test_two_processes_share_a_kernel_and_more_than_the_budget_fails(tmp_path: P
     # Without other plugins, which take longer to load than all else takes.
     words = "-q -p tests.compilations -p no:cacheprovider -p xdist -n 2 --kernels 1"
     run = subprocess.run(
-        [sys.executable, "-m", "pytest", *words.split(), "--rootdir", tmp_path, tmp_path],
+        [sys.executable, "-m", "pytest", *words.split(), "-m", "not slow", "--rootdir", tmp_path, tmp_path],
         env={**os.environ, "PYTHONPATH": str(ROOT), "RAYTRACER_CACHE_DIR": str(tmp_path / "cache")}
         | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
         check=False,
