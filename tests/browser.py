@@ -75,7 +75,8 @@ def open_page(chromium):
     def opened(path, fragment="", size=_WIDE, color_scheme="light", **settings):
         page = chromium.take(settings)
         page.set_viewport_size({"width": size[0], "height": size[1]})
-        page.emulate_media(color_scheme=color_scheme)
+        # Nothing is found on its way from one state to another.
+        page.emulate_media(color_scheme=color_scheme, reduced_motion="reduce")
         taken.append((settings, page))
         page.set_default_timeout(20_000)
         for event, listener in heard.items():

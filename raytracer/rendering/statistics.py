@@ -3,7 +3,10 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
+
+import psutil
 
 from raytracer import __version__
 from raytracer.core.error_estimate.halves import ErrorEstimate
@@ -90,13 +93,19 @@ class Stats:
 
 
 def peak_rss_bytes() -> int:
-    """Return the largest resident memory that this process has had; 0 on Windows, which Python has no call for."""
-    if sys.platform == "win32":
-        return 0
-    import resource
+    """Return the largest resident memory that this process has had.
 
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return int(peak) if sys.platform == "darwin" else 1024 * int(peak)
+    Linux's getrusage begins with the memory of the process that started this one (exec_mmap in its fs/exec.c), so that
+    a render that a large program starts would seem as large.
+    """
+    if sys.platform == "win32":
+        return int(psutil.Process().memory_info().peak_wset)
+    if sys.platform == "darwin":
+        import resource
+
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
+    return 1024 * int(status.partition("VmHWM:")[2].split()[0])
 
 
 class PhaseTimer:

@@ -217,6 +217,15 @@ def test_a_limit_on_the_address_space_counts():
 
 # ---- Estimates and measurements
 
+_PEAK = "from raytracer.rendering.statistics import peak_rss_bytes; print(peak_rss_bytes())"
+
+
+def test_the_peak_is_that_of_this_process_and_not_of_the_one_that_started_it():
+    held = np.ones(10**8)
+    done = subprocess.run([sys.executable, "-c", _PEAK], capture_output=True, text=True, check=True, timeout=120)
+    assert 2**24 < int(done.stdout) < held.nbytes
+
+
 _MEASURED = """
 import sys
 from raytracer.rendering import memory_budget
@@ -250,7 +259,6 @@ objects:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="nothing tells a process's peak there")
 @pytest.mark.parametrize(
     ("name", "width", "height", "aovs", "denoise", "keeps"),
     [
