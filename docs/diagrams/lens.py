@@ -30,7 +30,7 @@ def focal_point() -> Sheet:
             else:
                 sheet.ray(focus, (0.0, height), (3.8, height), color=BLUE)
         sheet.dot(focus)
-        sheet.text((focus[0], -0.3 if side < 0 else 0.42), "$F$")
+        sheet.text((focus[0], -0.3 if side < 0 else 0.42), "$F$" if side < 0 else "$F'$")
         ends = sorted((0.0, focus[0]))
         sheet.length((ends[0], -1.4), (ends[1], -1.4), "$f$", (0.0, 0.2))
     return sheet
