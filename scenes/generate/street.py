@@ -26,76 +26,83 @@ render: {spp: 256, max_depth: 6}
 HEADS = {
     "focal_lengths": """\
 # Focal lengths: one street, from one place, through lenses of 17 to 200 mm.
-# Look at: the clock on the tower, 150 m away, which grows in proportion to the focal length; the street before it,
-# which looks short through a long lens, although only less of it is seen; the corners at 17 mm, dark by cos^4.
+# Look at: the clock on the tower, 150 m away, which grows in proportion to the focal length; the street in front of it,
+# which looks short through a long lens, although only less of it is seen; the corners at 17 mm, which are dark by
+# cos^4.
 # Change: camera.focal_length, to 17, 24, 35, 50, 100 and 200 mm.
 camera:
   {type: thin_lens, look_from: [0, 1.6, 0], look_at: [0, 5, -150], sensor: full_frame, focal_length: 35 mm,
    f_number: 11, focus_distance: 30, shutter: 1/160 s, iso: 100}
 """,
     "dolly_zoom": """\
-# Dolly zoom, as in Hitchcock's "Vertigo": the camera goes back while it zooms in, so that somebody stays as large.
-# Look at: the person, always of one size; the street behind, which comes closer, and the clock, which grows from a
-# speck to more than the head.  Perspective is where the camera stands; the focal length only cuts out a part of it.
-# Change: camera.focal_length and with it the distance, look_from[2], which is 88 times that: 17 mm from 1.496 m, 50 mm
-# from 4.4 m, 200 mm from 17.6 m.
+# Dolly zoom, as in Hitchcock's "Vertigo": the camera moves back while it zooms in, so that a person stays the same
+# size.
+# Look at: the person, who stays the same size; the street behind, which seems to come closer, and the clock, which
+# grows from a speck to larger than the head.  Perspective depends on where the camera stands; the focal length only
+# selects a part of it.
+# Change: camera.focal_length, and with it the distance, look_from[2], which is 88 times as long: 17 mm from 1.496 m, 50
+# mm from 4.4 m, 200 mm from 17.6 m.
 camera:
   {type: thin_lens, look_from: [0, 1.4, 4.4], look_at: [0, 1.4, 0], sensor: full_frame, focal_length: 50 mm,
    f_number: 11, focus_on: person, shutter: 1/160 s, iso: 100}
 """,
     "sensor_sizes": """\
-# Sensor sizes: what a smaller sensor records of the picture that a lens makes.
-# Look at: with one lens, 28 mm, the frame, which closes in as if the focal length were longer, by the crop factor; and
-# the brightness, which stays: light by the square metre does not ask for the size.  With one field of view instead, the
-# street behind, blurred on the large sensor and sharp on the small one, whose lens has a pupil some millimetres wide.
-# Change: camera.sensor, to medium_format, full_frame, aps_c, four_thirds, 1-inch, 1/2.3-inch.  For one field of view,
-# equivalent_focal_length: 75 mm in place of focal_length.
+# Sensor sizes: how much of the image that a lens forms a smaller sensor records.
+# Look at: with the 28 mm lens, the field of view, which becomes narrower as if the focal length were longer, by the
+# crop factor; and the brightness, which stays the same, because exposure is light per area.  With the same field of
+# view instead, the street in the background, which is blurred on the large sensor and sharp on the small one, whose
+# lens has a pupil only a few millimetres wide.
+# Change: camera.sensor, to medium_format, full_frame, aps_c, four_thirds, 1-inch or 1/2.3-inch.  For the same field of
+# view, equivalent_focal_length: 75 mm instead of focal_length.
 camera:
   {type: thin_lens, look_from: [0.35, 1.5, 2.6], look_at: [0.25, 1.45, 0], sensor: full_frame, focal_length: 28 mm,
    f_number: 2, focus_on: head, shutter: 1/5000 s, iso: 100}
 """,
     "pinhole": """\
 # Pinholes of real sizes: a box with a hole, 90 mm in front of a sheet of film of 4 x 5 inches (127 x 102 mm).
-# Look at: the hole of 6 mm, which draws every point as a disc of 6 mm, near and far alike; that of 1 mm, soft; that of
-# 0.35 mm, sharp.  The price is light, and time: 1/80 s, 0.45 s and 3.7 s for pictures of one brightness.  A smaller
-# hole would blur again, by diffraction, which is left out: `rt explain` gives the Airy disc, which is 0.35 mm too.
-# Change: camera.diameter, and with its square the inverse of camera.shutter.
+# Look at: the picture of the 6 mm hole, which spreads every point over a disc of 6 mm, near and far alike; that of the
+# 1 mm hole, which is soft; and that of the 0.35 mm hole, which is sharp.  The price is light, and therefore time: 1/80
+# s, 0.45 s and 3.7 s for equally bright pictures.  With an even smaller hole a real picture would be blurred by
+# diffraction, which is not simulated: `rt explain` prints the size of the Airy disc, which here is 0.35 mm too.
+# Change: camera.diameter, and camera.shutter with the inverse of its square.
 camera:
   {type: pinhole, look_from: [0, 1.6, -6], look_at: [1.5, 3.4, -50], sensor: {width: 127 mm, height: 102 mm},
    focal_length: 90 mm, diameter: 0.35 mm, shutter: 3.7 s, iso: 100}
 """,
     "hangar": """\
-# The largest pinhole photograph, by an aircraft hangar 16.8 m deep, with a hole of 6 mm and a canvas of 33.8 x 9.6 m.
-# Look at: everything, near and far, which is sharp.  The hole that made a picture of 127 mm hopeless is 0.2 pixels wide
-# here: what counts is the hole compared with the picture.  In a box of 90 mm it draws the same view as blobs.
-# The price is time, for the hole is f/2800.
+# The largest pinhole photograph: a hangar 16.8 m deep, with a hole of 6 mm and a canvas of 33.8 x 9.6 m.
+# Look at: near and far, which are equally sharp.  The hole that is hopeless for a film of 127 mm is only 0.2 pixels
+# wide here: what counts is the size of the hole compared with that of the picture.  In a box of 90 mm it draws the same
+# view as blobs.  The price is time, since the hole is f/2800.
 # Change: camera.focal_length=90, with camera.sensor={width: 181.07, height: 51.43} and camera.shutter=11.6 ms.
 camera:
   {type: pinhole, look_from: [0, 3.2, 4], look_at: [0, 4.4, -40], sensor: {width: 33.8 m, height: 9.6 m},
    focal_length: 16.8 m, diameter: 6 mm, shutter: 405 s, iso: 100}
 """,
     "pinhole_and_lens": """\
-# Pinhole beside lens: somebody in a street, through a lens, and through a small hole in its place.
-# Look at: the street behind, blurred through the lens, which is focused on one distance, and as sharp as the person
-# through the hole.  The lens gathers light over 25 mm where the hole has 0.3 mm: it needs a 7000th of the time.
+# Pinhole beside lens: a person in a street, through a lens, and through a small hole in its place.
+# Look at: the street in the background.  Through the lens, which is focused on the person, it is blurred; through the
+# hole it is as sharp as the person.  The lens gathers light over a diameter of 25 mm and the hole over 0.3 mm, so the
+# lens needs a 7000th of the time.
 # Change: camera.type to pinhole, with camera.f_number=167 and camera.shutter=1.44 s.
 camera:
   {type: thin_lens, look_from: [0.6, 1.5, 2.6], look_at: [0.12, 1.56, 0], sensor: full_frame, focal_length: 50 mm,
    f_number: 2, shutter: 1/4840 s, iso: 100}
 """,
     "hand_shake": """\
-# Hand shake: a street through a lens of 200 mm that is held in the hand.
-# Look at: the clock, sharp at 1/1000 s.  At 1/200 s, one over the focal length, the tremor is a pixel long, and at
-# 1/15 s nobody can read the time.  All of the frame is blurred alike, what stands still too.
-# Change: camera.shutter, 1/1000, 1/200 and 1/15 s, and with its inverse camera.iso, 2500, 500 and 37.5.
+# Hand shake: a street through a hand-held lens of 200 mm.
+# Look at: the clock, which is sharp at 1/1000 s.  At 1/200 s, one over the focal length, the tremor is a pixel long,
+# and at 1/15 s nobody can read the time.  The whole frame is blurred alike, including everything at rest.
+# Change: camera.shutter, to 1/1000, 1/200 and 1/15 s, and camera.iso with its inverse, to 2500, 500 and 37.5.
 camera:
   {type: thin_lens, look_from: [0, 1.6, 0], look_at: [0, 6, -150], sensor: full_frame, focal_length: 200 mm,
    f_number: 22, focus_distance: 100, shutter: 1/200 s, iso: 500, shake: {amplitude: 0.2 deg, bandwidth: 8 Hz, seed: 3}}
 """,
     "no_lens": """\
 # No lens: a bare sensor in the street, and a pinhole camera at the same place.
-# Look at: nothing.  Without a lens every pixel is lit by all that lies before the sensor, so all record the same grey.
-# And they need but 1/80000 s for it: half the world shines on each, where a lens at f/11 lets in a cone 5 degrees wide.
+# Look at: nothing.  Without a lens every pixel receives light from everything in front of the sensor, so all record the
+# same grey.  An exposure of 1/80000 s is enough for that: each pixel receives light from a whole hemisphere, while a
+# hole of f/11 admits a cone only 5 degrees wide.
 # Change: camera.type to pinhole, with camera.focal_length=35, camera.f_number=11 and camera.shutter=1/160.
 camera:
   {type: none, look_from: [0, 1.6, 0], look_at: [0, 5, -150], sensor: full_frame, shutter: 1/80000 s, iso: 100}
@@ -104,10 +111,11 @@ camera:
 
 OPTICS = {
     "fisheye": """\
-# Fisheye: a lens that sees half of all there is, and can have no straight lines for it.
-# Look at: the street, which is straight, as is every house in it.  Lines through the middle stay so; all others are
-# bent, the more the farther out.  The corners are black: the lens's picture is a circle of 25 mm.
-# Change: camera.lens to ../lenses/wide-22mm.yaml, whose lines are straight, and whose corners are drawn out for it.
+# Fisheye: a lens that sees a whole hemisphere, and therefore cannot keep straight lines straight.
+# Look at: the street, which is straight, as is every house in it.  Lines through the middle of the picture stay
+# straight; all others are bent, more so towards the edge.  The corners are black: the image of the lens is a circle of
+# 25 mm.
+# Change: camera.lens to ../lenses/wide-22mm.yaml, which keeps lines straight, and therefore stretches the corners.
 camera:
   {type: lens, lens: ../lenses/fisheye-10mm.yaml, look_from: [0, 1.6, 0], look_at: [0, 3, -20],
    sensor: {width: 25 mm, height: 16.667 mm}, f_number: 8, focus_distance: 10, shutter: 1/250 s, iso: 100}
