@@ -102,10 +102,10 @@ LECTURE = {
         300,
         128,
         [
-            Variant("all at once", {"camera.shutter.readout": 0}),
-            Variant("1/60 s, down", {"camera.shutter.readout": "1/60"}),
-            Variant("1/25 s, down", {}),
-            Variant("1/25 s, right", {"camera.shutter.direction": "right"}),
+            Variant("global shutter", {"camera.shutter.readout": 0}),
+            Variant("rolling, 1/60 s, down", {"camera.shutter.readout": "1/60"}),
+            Variant("rolling, 1/25 s, down", {}),
+            Variant("rolling, 1/25 s, right", {"camera.shutter.direction": "right"}),
         ],
     ),
     "train": Sheet(
@@ -113,11 +113,11 @@ LECTURE = {
         480,
         128,
         [
-            Variant("all at once", {"camera.shutter.readout": 0}),
-            Variant("electronic, 1/30 s down", {}),
-            Variant("electronic, 1/30 s up", {"camera.shutter.direction": "up"}),
+            Variant("global shutter", {"camera.shutter.readout": 0}),
+            Variant("rolling shutter, 1/30 s, down", {}),
+            Variant("rolling shutter, 1/30 s, up", {"camera.shutter.direction": "up"}),
             Variant(
-                "focal plane, 1/250 s down",
+                "focal plane, 1/250 s, down",
                 {"camera.shutter.readout": "1/250", "camera.shutter.curtain": "focal_plane"},
             ),
         ],
@@ -248,7 +248,7 @@ LECTURE = {
         256,
         [
             Variant(
-                f"picture {k + 1}, {words}",
+                f"frame {k + 1}, {words}",
                 {"camera.shutter": {"open": f"{k}/24 s", "duration": duration}, "camera.iso": iso},
             )
             for duration, words, iso in (("1/2000 s", "1/2000 s", 300), ("1/24 s", "1/24 s", 3.6))
