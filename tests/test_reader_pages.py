@@ -1,6 +1,7 @@
 """Pages that a new user follows: their commands exist and work, and print what the pages say."""
 
 import itertools
+import operator
 import re
 import shlex
 import statistics
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 import typer
 
+import raytracer
 from raytracer.analysis.cost.text import study_text
 from raytracer.analysis.explain import explain
 from raytracer.cli.base.app import application
@@ -28,7 +30,7 @@ PAGES = {
         ROOT / "README.md",
         *(
             ROOT / "docs" / f"{name}.md"
-            for name in ("tutorial", "costs", "hard-cases", "only-what-is-called-for", "sweeps")
+            for name in ("tutorial", "costs", "hard-cases", "only-what-is-called-for", "sweeps", "lightfields")
         ),
     )
 }
@@ -73,6 +75,13 @@ def test_commands_and_their_options_exist(name: str) -> None:
             option for part in (command, *below.values()) for parameter in part.params for option in parameter.opts
         }
         assert {word for word in words if re.fullmatch(r"--[\w-]+|-[a-zA-Z]", word)} <= known, words
+
+
+@every_page
+def test_names_of_python_exist(name: str) -> None:
+    for block in blocks(name, "python"):
+        for found in re.findall(r"\brt((?:\.\w+)+)", block):
+            operator.attrgetter(found[1:])(raytracer)
 
 
 # ---- The tutorial, and README's five minutes
