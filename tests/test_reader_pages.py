@@ -30,7 +30,15 @@ PAGES = {
         ROOT / "README.md",
         *(
             ROOT / "docs" / f"{name}.md"
-            for name in ("tutorial", "costs", "hard-cases", "only-what-is-called-for", "sweeps", "lightfields")
+            for name in (
+                "tutorial",
+                "costs",
+                "hard-cases",
+                "only-what-is-called-for",
+                "sweeps",
+                "lightfields",
+                "lenses",
+            )
         ),
     )
 }
@@ -80,8 +88,10 @@ def test_commands_and_their_options_exist(name: str) -> None:
 @every_page
 def test_names_of_python_exist(name: str) -> None:
     for block in blocks(name, "python"):
-        for found in re.findall(r"\brt((?:\.\w+)+)", block):
+        for found in re.findall(r"\brt((?:\.\w+)+)\(", block):
             operator.attrgetter(found[1:])(raytracer)
+        for line in re.findall(r"^from raytracer.*$", block, re.MULTILINE):
+            exec(line, {})
 
 
 # ---- The tutorial, and README's five minutes
