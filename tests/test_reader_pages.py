@@ -36,6 +36,8 @@ PAGES = {
                 "hard-cases",
                 "only-what-is-called-for",
                 "sweeps",
+                "comparing",
+                "aovs",
                 "lightfields",
                 "lenses",
             )
