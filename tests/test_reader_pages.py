@@ -38,6 +38,8 @@ PAGES = {
                 "sweeps",
                 "comparing",
                 "aovs",
+                "debugging",
+                "reliability",
                 "lightfields",
                 "lenses",
             )
