@@ -39,6 +39,8 @@ PAGES = {
                 "comparing",
                 "aovs",
                 "debugging",
+                "regression",
+                "dispersion",
                 "reliability",
                 "lightfields",
                 "lenses",
