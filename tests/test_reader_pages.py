@@ -41,6 +41,7 @@ PAGES = {
                 "debugging",
                 "regression",
                 "dispersion",
+                "cluster",
                 "reliability",
                 "lightfields",
                 "lenses",
