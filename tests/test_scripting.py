@@ -301,7 +301,7 @@ def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
     names = {}
     for block in blocks:
         exec(compile(block, "docs/scripting.md", "exec"), names)
-    assert {path.name for path in tmp_path.iterdir()} >= {"scene.yaml", "picture.png", "f2.png"}
+    assert {path.name for path in tmp_path.iterdir()} >= {"ball.png", "scene.yaml", "picture.png", "f2.png"}
 
 
 @pytest.mark.slow

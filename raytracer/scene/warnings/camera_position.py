@@ -22,9 +22,9 @@ class CameraPosition(SceneWarningKind):
     rank = 140
     inside = Sentence(
         "is inside {object}, which is opaque and holds no light, so the picture will be black",
-        when="the camera is within an opaque sphere or box, and no light is",
+        when="the camera is inside an opaque sphere or box, and no light is",
         remedy="move it out",
-        advice="a room needs a lamp in it",
+        advice="a room needs a lamp inside",
     )
     on = Sentence(
         "lies on the surface of {object}, to within {offset:.2g} m, so which side it sees is left to rounding: "

@@ -77,10 +77,10 @@ class CoincidentSurfaces(SceneWarningKind):
     opaque = Sentence(
         "a surface of it coincides with {other}, to within {offset:.2g} m, where they overlap: which of the two is "
         "seen is left to rounding; {remedy}",
-        when="two opaque surfaces with different materials lie in one plane and overlap, where the camera may see "
-        "them: a poster in a wall, a lamp in a ceiling, flush boxes",
+        when="two opaque surfaces with different materials overlap in one plane that the camera may see: a poster "
+        "in a wall, a lamp in a ceiling, flush boxes",
         remedy="move one of them by more than that",
-        advice="a millimetre does",
+        advice="a millimetre is enough",
     )
     clear = Sentence(
         "a surface of it coincides with {other}, to within {offset:.2g} m, and light goes into one of them: which of "

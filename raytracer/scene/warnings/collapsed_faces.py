@@ -16,7 +16,7 @@ class CollapsedFaces(SceneWarningKind):
     collapsed = Sentence(
         "{faces} no area once its coordinates are rounded to float32, in which rays are cast, so no ray can hit "
         "{them}: {remedy}",
-        when="faces are so small for where they are that their corners become one, or fall on a line",
+        when="faces are so small, for their distance from the origin, that their corners coincide or fall on a line",
         remedy="make the object larger, or place it nearer to {origin}",
     )
 

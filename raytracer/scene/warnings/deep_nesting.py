@@ -45,15 +45,15 @@ class DeepNesting(SceneWarningKind):
         "lies within {holders} clear objects whose materials have no `priority`, each a boundary to its own "
         "`outside_ior`: so it acts as if its index were 1e{digits:.0f}, and beyond {limit:.0e} rounding keeps light "
         "from coming out of it; {remedy}",
-        when="clear objects without a priority are in one another, and their indices, each over its `outside_ior`, "
-        "have a product above 10^13: light inside is nearer to the normal by that factor, float64 has 16 digits for "
-        "it, and what it loses does not come out again",
+        when="transparent objects without a priority are nested, and the product of their relative indices, each "
+        "over its `outside_ior`, is above 10^13: light inside is nearly parallel to the normal, beyond the 16 "
+        "digits of float64, and what is lost by rounding does not come out again",
         remedy="give the materials a `priority`, or the `outside_ior` of what they are in",
     )
     depth = Sentence(
         "lies within {holders} clear objects, so light goes straight through {surfaces} surfaces, and paths end after "
         "{segments} segments: {remedy}",
-        when="more surfaces than `render.max_depth` lets a path meet, also where that is 50 or more",
+        when="more nested surfaces than `render.max_depth` lets a path cross, even if that is 50 or more",
         remedy="raise `render.max_depth`",
     )
 

@@ -20,10 +20,10 @@ class FarObjects(SceneWarningKind):
     far = Sentence(
         "is {times:.2g} of its radii ({radius:.3g} m) away from {place}, and beyond {limit:.0e} float32 is too coarse "
         "to hit it well: {remedy}",
-        when="an object is more than 10^5 times its radius away from the camera, or from the middle of the scene: rays "
-        "begin to miss its rim, 15 % of those at 0.99 of the radius at 10^6",
+        when="an object is more than 10^5 times its radius away from the camera, or from the middle of the scene: "
+        "rays begin to miss its rim, at 10^6 15 % of those at 0.99 of the radius",
         remedy="make it larger, bring it nearer, or leave it out",
-        advice="through most lenses it is a fraction of a pixel",
+        advice="seen through most lenses it is a fraction of a pixel",
     )
 
     def find(self, survey: SceneSurvey) -> Warned:

@@ -24,15 +24,15 @@ class UselessLights(SceneWarningKind):
     )
     black = Sentence(
         "is made of an emitter that gives no light: its radiance is 0",
-        when="the same of an emitter",
+        when="the radiance of an emitter is 0",
         remedy="give it some, or take it out",
     )
     averted = Sentence(
         "gives light to the side of its normal only, and the camera and all other objects are on the other side: "
         "{remedy}",
-        when="an emitter of one side faces away from everything",
+        when="a one-sided emitter faces away from everything",
         remedy="turn it round, or make it `two_sided`",
-        advice="swapping its edges turns it",
+        advice="swapping its edges reverses the normal",
     )
     hollow = Sentence(
         "has a negative radius, so it gives light to its inside only, where nothing is: {remedy}",

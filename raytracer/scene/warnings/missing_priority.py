@@ -28,7 +28,8 @@ class MissingPriority(SceneWarningKind):
     overlap = Sentence(
         "is clear, and {overlaps} {other}, whose material has a `priority`, as its own has not: its surface is one to "
         "its own `outside_ior` there, and the other goes on absorbing in it; {remedy}",
-        when="a `dielectric` or `rough_dielectric` without a `priority` is in, reaches into, or has in it what has one",
+        when="a `dielectric` or `rough_dielectric` without a `priority` overlaps an object whose material has one, "
+        "is in it, or contains it",
         remedy="give its material a `priority` too, a higher one if it takes the place of the other",
     )
 

@@ -30,8 +30,8 @@ class Slivers(SceneWarningKind):
         "{faces} as narrow as {width:.2g} m, and below {least:.2g} m, {step:.1e} of how far away the camera is, or of "
         "how far coordinates reach, float32 is too coarse for that: rays meet it too often, ten times so at a "
         "hundredth of that width; {remedy}",
-        when="more than a hundredth of an object's area is in faces narrower than 4 * 2^-23 = 4.8e-7 of the distance "
-        "to the camera, or of how far their coordinates reach, with an edge that no other face shares",
+        when="more than 1 % of an object's area is in faces with a free edge that are narrower than 4 * 2^-23 = "
+        "4.8e-7 of the distance to the camera, or of their largest coordinate",
         remedy="make it wider, bring it nearer, or leave it out",
     )
 

@@ -17,8 +17,8 @@ class SmallPixels(SceneWarningKind):
     small = Sentence(
         "a pixel is {width:.2g} wide at a distance of 1, and edges are only met to {step:.1e} of how far away they "
         "are: {remedy}",
-        when="the camera sees so little that a pixel is smaller than what float32 knows of directions, so edges are "
-        "seen a quarter of a pixel beside their place, or more",
+        when="the field of view is so narrow that a pixel is smaller than the precision of directions in float32, "
+        "so edges are displaced by a quarter of a pixel or more",
         remedy="bring the camera nearer and let it see more",
     )
 

@@ -16,10 +16,10 @@ class SunkObjects(SceneWarningKind):
     sunk = Sentence(
         "is {size:.3g} m large and lies on {ground}, which rays leave {offset:.2g} m off its surface because its "
         "coordinates reach {reach:.3g} m there: nothing that is lower casts a shadow on it; {remedy}",
-        when="the radius of an object is less than 10^-5 of how far the coordinates reach of what it lies on, so that "
-        "light seeps under it",
+        when="the radius of an object is less than 10^-5 of the largest coordinate of what it lies on, so that "
+        "light leaks under it",
         remedy="make that one smaller, or split it",
-        advice="a ground no larger than is seen, or several objects in its place",
+        advice="a ground no larger than what is visible, or several objects instead",
     )
 
     def find(self, survey: SceneSurvey) -> Warned:

@@ -19,7 +19,8 @@ class ThinDielectrics(SceneWarningKind):
     thin = Sentence(
         "is {thickness:.2g} m thick, light goes into it, and rays leave its faces {offset:.2g} m off them because its "
         "coordinates reach so far: they begin behind it, and so do not know what they are in; {remedy}",
-        when="a box of glass, of a cutout or a medium is thinner than twice the offset of the rays that enter it",
+        when="a box of glass, of a cutout or around a medium is thinner than twice the offset of the rays that "
+        "enter it",
         remedy="make it thicker or smaller, or use a quad of a `thin_dielectric`",
     )
 

@@ -17,7 +17,7 @@ class BusyMachine(StudyWarningKind):
     loaded = Sentence(
         "the machine was busy before, with a load of {load:.1f} on {processors} processors: times may be "
         "longer than on a quiet one",
-        when="before the study, more than half of the processors were at work",
+        when="before the study, more than half of the processors were busy",
         remedy="end what else is running",
     )
     shared = Sentence(

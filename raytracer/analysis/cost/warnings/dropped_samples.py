@@ -11,7 +11,7 @@ class DroppedSamples(StudyWarningKind):
     rank = 10
     dropped = Sentence(
         "{count} samples were not finite and were dropped: times and errors leave them out",
-        when="samples come out as infinite, or as no number",
+        when="samples are infinite or NaN",
         remedy="[find them](debugging.md#samples-that-are-not-finite)",
     )
 

@@ -22,7 +22,7 @@ class Extrapolation(StudyWarningKind):
     far = Sentence(
         "the {goal} {times:.0f} times as many samples as were measured, {measured}: how error falls so far "
         "beyond is not known",
-        when="it is more than 100 times as many as were measured",
+        when="that is more than 100 times as many samples as were measured",
         remedy="take the prediction as rough",
     )
 

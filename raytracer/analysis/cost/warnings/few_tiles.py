@@ -16,7 +16,7 @@ class FewTiles(StudyWarningKind):
     )
     few = Sentence(
         "only {measured} of {tiles} tiles were measured: intervals are rough",
-        when="fewer than 16 tiles were measured, of more",
+        when="fewer than 16 of the tiles were measured",
         remedy="more `--tiles`",
     )
 

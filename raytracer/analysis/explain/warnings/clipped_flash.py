@@ -25,12 +25,13 @@ class ClippedFlash(PhotographicWarningKind):
     dimmed = Sentence(
         "{flash} shines for {duration}, of which the shutter is fully open for {open}: {percent} % of its light is "
         "lost",
-        when="a shutter that exposes all of the film at once is not fully open for as long as a flash shines",
+        when="a global shutter is not fully open for the whole duration of a flash",
         remedy="a shutter that is open longer, or a shorter flash",
     )
     banded = Sentence(
         "{flash} shines for {duration}, while the shutter is not open everywhere: it lights {lit}{hint}",
-        when="a flash shines while a rolling shutter, or the slit of a focal-plane shutter, shows a part of the film",
+        when="a flash fires while a rolling shutter, or the slit of a focal-plane shutter, exposes only a part of "
+        "the film",
         remedy="a shutter that is fully open for as long as is said",
     )
 

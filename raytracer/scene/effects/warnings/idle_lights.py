@@ -12,7 +12,7 @@ class IdleLights(EffectWarningKind):
     rank = 30
     idle = Sentence(
         ", which is black, or which no material here can be lit by",
-        when="`light.TYPE`: the scene has lights of this type, and none was packed",
+        when="`light.TYPE`: the scene has lights of this type, but none has any effect",
         remedy="give them light, or give something a material that is neither a mirror nor glass",
     )
 
