@@ -40,6 +40,8 @@ SCENES = ROOT / "scenes"
 GALLERY = ROOT / "docs" / "gallery"
 LONGEST_EDGE = 800
 SPP = 256
+NOISE = 0.03
+MOST_SPP = 1024
 MOST_BYTES = 300_000
 
 SWEEP_WIDTH = 1600
@@ -82,8 +84,8 @@ def save_small(paper: Image.Image, target: Path) -> None:
 
 
 def scene_picture(file: Path) -> None:
-    """Render a scene as it is."""
-    rendered = render(smaller(file, {}, LONGEST_EDGE, LONGEST_EDGE), spp=SPP)
+    """Render a scene as it is, with as many samples as its noise calls for."""
+    rendered = render(smaller(file, {}, LONGEST_EDGE, LONGEST_EDGE), spp=MOST_SPP, noise=NOISE)
     rendered.image.save(GALLERY / f"{file.stem}.jpg")
 
 
