@@ -4,10 +4,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from docs import gallery_light_fields
 from docs.diagrams import shutter
 from docs.gallery_sheets import LECTURE
+from raytracer.analysis.explain import explain
+from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
+from raytracer.analysis.lens_design.performance.tolerances import tolerances
 from raytracer.core.shutter.table import line_exposure
+from raytracer.optics.thin_lens import circle_of_confusion, image_distance
 from raytracer.scene.load import load
+from tests.analysis.lens_design.benches import shipped
 from tests.repository import ROOT, SCENES
 
 PAGES = {path.stem[:2]: path.read_text(encoding="utf-8") for path in (ROOT / "docs" / "lecture").glob("[01]*.md")}
@@ -52,3 +58,54 @@ def test_a_flash_shows_the_slit_where_it_is() -> None:
         lit = picture[top + 2 : top + 265, left + 5 : left + 395].mean(axis=(1, 2)) > 30.0
         assert lit.mean() == pytest.approx(band[1] - band[0], abs=0.03)
         assert np.flatnonzero(lit).mean() / len(lit) == pytest.approx(np.mean(band), abs=0.02)
+
+
+# ---- Depth of focus
+
+
+def test_the_depth_of_focus_is_the_image_of_the_depth_of_field() -> None:
+    path = SCENES / "lecture" / "aperture.yaml"
+    facts, camera = explain(load(path)).camera, load(path).camera
+    focal_length, circle = camera.focal_length, facts["circle_mm"]
+    depth = 2.0 * camera.f_number * circle * (1.0 + facts["magnification"])
+    # Gauss's equation for both limits.
+    near, far = (image_distance(focal_length, 1e3 * facts[name]) for name in ("near_limit_m", "far_limit_m"))
+    assert depth == pytest.approx(near - far, rel=1e-3)
+    # A point at the focus, on a film that is off by half of it.
+    film = facts["image_distance_mm"] + 0.5 * depth
+    blur = circle_of_confusion(
+        facts["entrance_pupil_mm"],
+        film,
+        focal_length * film / (film - focal_length),
+        1e3 * facts["focus_distance_m"],
+    )
+    assert blur == pytest.approx(circle, rel=1e-3)
+    assert f"$t$ = {depth:.4f} mm" in " ".join(PAGES["11"].split())
+
+
+def test_the_report_of_a_lens_has_the_depth_of_focus_that_the_page_says() -> None:
+    found = tolerances(set_up_bench(shipped("double-gauss-50mm"), None))
+    assert f"± {found.depth_of_focus_mm:.4f} mm for\nthe double Gauss" in PAGES["11"]
+    assert found.depth_of_focus_mm == pytest.approx(2.0 * found.circle_of_confusion_mm, rel=5e-3)
+    assert f"within ±{found.depth_of_focus_mm:.3f} mm" in PAGES["11"]
+
+
+# ---- Light fields
+
+
+def sharpness(picture: np.ndarray) -> float:
+    """Energy of the gradients of a part of a picture."""
+    return float(sum((step**2).mean() for step in np.gradient(picture.mean(axis=2))))
+
+
+def test_one_raw_picture_is_refocused_on_either_dragon() -> None:
+    sheet = shown("lightfield_raw_dragons")
+    panels = [sheet[330 * (n // 2) : 330 * (n // 2) + 300, 406 * (n % 2) : 406 * (n % 2) + 400] for n in range(6)]
+    head, body = (
+        [sharpness(panel[part]) for panel in panels[1:]] for part in (np.s_[60:160, 50:130], np.s_[90:190, 190:330])
+    )
+    # The first is the photograph, which is focused in front of both.
+    assert np.argmax(head) == 1 + gallery_light_fields.DRAGON_FOCUSES.index(0.58)
+    assert np.argmax(body) == 1 + gallery_light_fields.DRAGON_FOCUSES.index(0.79)
+    assert max(head) > 2.0 * head[-1]
+    assert max(body) > 2.0 * body[0]
