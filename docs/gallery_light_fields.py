@@ -17,6 +17,7 @@ from raytracer.film.light_field.layout import extract_light_field
 from raytracer.film.light_field.lf import write
 from raytracer.film.srgb import to_uint8
 from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.lightfield.views.synthesis import view_at
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
 
@@ -116,6 +117,46 @@ def raw_picture() -> Image.Image:
     return sheet([np.asarray(panel.resize((300, 225), how)) for panel, how in sizes], list(pictures), 4)
 
 
+def window_picture() -> Image.Image:
+    """A room through a window from three eyes, what a light field shows them, and what a photograph does."""
+    field = _rendered("window", {}, 48)
+    seen = _rendered("window", {"camera.columns": 3, "camera.spacing": WINDOW_EYES[2]}, 256)
+    rows = {
+        "a window": [seen.view(0, column) for column in range(3)],
+        "a screen with the light field": [view_at(field, eye, 0.0) for eye in WINDOW_EYES],
+        "a screen with a photograph": [seen.view(0, 1)] * 3,
+    }
+    sides = ("left", "middle", "right")
+    panels = [Image.fromarray(to_uint8(view)).resize((320, 240)) for views in rows.values() for view in views]
+    captions = [f"{words}, from the {side}" for words in rows for side in sides]
+    return sheet([np.asarray(panel) for panel in panels], captions, 3)
+
+
+WINDOW_EYES = (-0.255, 0.0, 0.255)
+"""Where the eyes stand (m): the outer ones between two cameras of the light field."""
+
+
+def two_planes_picture() -> Image.Image:
+    """Views from points of one plane, and points of the other one as seen from everywhere."""
+    film = {"film.width": 80, "film.height": 60}
+    field = _rendered("window", {"camera.rows": 49, "camera.columns": 49, "camera.spacing": "12.5 mm", **film}, 8)
+    pictures: dict[str, NDArray[np.uint8]] = {}
+    for words, (row, column) in {"left": (24, 4), "middle": (24, 24), "right": (24, 44), "top": (4, 24)}.items():
+        view = Image.fromarray(to_uint8(field.view(row, column)))
+        pictures[f"(u, v) fixed: {words}"] = np.asarray(view.resize((240, 180), Image.Resampling.NEAREST))
+    for words, (row, column) in TWO_PLANES_POINTS.items():
+        # One pixel of every view.
+        cell = np.array([[field.view(v, u)[row, column] for u in range(49)] for v in range(49)])
+        panel = Image.new("RGB", (240, 180), PAPER)
+        panel.paste(Image.fromarray(to_uint8(cell)).resize((180, 180), Image.Resampling.NEAREST), (30, 0))
+        pictures[f"(s, t) fixed: {words}"] = np.asarray(panel)
+    return sheet(list(pictures.values()), list(pictures), 4)
+
+
+TWO_PLANES_POINTS = {"the wall": (4, 40), "the pane, left": (30, 20), "its middle": (30, 40), "its right": (30, 60)}
+"""Points of the window's plane: row and column of a view of 80 x 60 pixels."""
+
+
 def sphere_picture() -> Image.Image:
     """All directions from a point among the spheres of the cover."""
     seen = probe_sphere(SCENES / "cover.yaml", (4.0, 1.2, 2.0), toward=(0.0, 1.0, 0.0), width=LONGEST_EDGE, spp=64)
@@ -145,6 +186,8 @@ MADE: Mapping[str, Callable[[], Image.Image]] = {
     "lightfield_depth": depth_picture,
     "lightfield_microlenses": microlenses_picture,
     "lightfield_sphere": sphere_picture,
+    "lightfield_window": window_picture,
+    "lightfield_two_planes": two_planes_picture,
     "lightfield_raw": raw_picture,
     "lightfield_raw_dragons": raw_dragons_picture,
 }

@@ -315,6 +315,15 @@ LECTURE = {
         ],
         scene="iso_noise",
     ),
+    "bullet": Sheet(
+        3,
+        400,
+        128,
+        [
+            Variant(f"flash of 1/{rate} s", {f"lights[{k}].duration": f"1/{rate} s" for k in range(2)})
+            for rate in (1000000, 20000, 1000)
+        ],
+    ),
     "slit": Sheet(
         3,
         400,

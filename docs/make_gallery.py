@@ -127,6 +127,31 @@ def noise_crops_picture() -> Image.Image:
     return sheet(crops, [variant.caption for variant in variants], 2)
 
 
+GAIN = 64
+"""Gain of the pictures that show where a signal is amplified: from ISO 100 to 6400."""
+
+GAINS = {
+    "before the converter, 10 bits": (10, GAIN),
+    "after it, 14 bits": (14, 1),
+    "after it, 12 bits": (12, 1),
+    "after it, 10 bits": (10, 1),
+}
+"""Bits of the converter, and the gain before it; what is missing to GAIN is multiplied afterwards."""
+
+
+def gain_picture() -> Image.Image:
+    """Enlarge a few pixels of one exposure, amplified before and after it was converted to numbers."""
+    crops = []
+    for bits, before in GAINS.values():
+        sensor = {"format": "full_frame", "noise": True, "bit_depth": bits}
+        keys = {"camera.sensor": sensor, "camera.iso": 100 * before, "camera.shutter": 1 / (16 * GAIN)}
+        spec = load(SCENES / "lecture" / "iso_noise.yaml", keys)
+        recorded = render(spec, spp=2 * SPP, crop=(190, 150, 270, 210)).image.radiance
+        part = Image.fromarray(to_uint8(recorded * (GAIN / before)))
+        crops.append(np.asarray(part.resize((400, 300), Image.Resampling.NEAREST)))
+    return sheet(crops, list(GAINS), 2)
+
+
 def lensless_picture() -> Image.Image:
     """A mask in place of a lens: what the sensor records, the mask, its reconstruction, and what one hole shows."""
     file = SCENES / "lecture" / "lensless.yaml"
@@ -148,6 +173,7 @@ def lensless_picture() -> Image.Image:
 MADE: Mapping[str, Callable[[], Image.Image]] = {
     "lecture_nested_sensors": nested_sensors_picture,
     "lecture_noise_crops": noise_crops_picture,
+    "lecture_gain": gain_picture,
     "lecture_lensless": lensless_picture,
     **gallery_light_fields.MADE,
 }

@@ -1,16 +1,19 @@
 """What figures and numbers of the lecture say is what the program computes."""
 
+import re
+
 import numpy as np
 import pytest
 from PIL import Image
 
 from docs import gallery_light_fields
-from docs.diagrams import shutter
+from docs.diagrams import light_field, shutter
 from docs.gallery_sheets import LECTURE
 from raytracer.analysis.explain import explain
 from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
 from raytracer.analysis.lens_design.performance.tolerances import tolerances
 from raytracer.core.shutter.table import line_exposure
+from raytracer.film.sensor_response import make_response
 from raytracer.optics.thin_lens import circle_of_confusion, image_distance
 from raytracer.scene.load import load
 from tests.analysis.lens_design.benches import shipped
@@ -90,6 +93,56 @@ def test_the_report_of_a_lens_has_the_depth_of_focus_that_the_page_says() -> Non
     assert f"within ±{found.depth_of_focus_mm:.3f} mm" in PAGES["11"]
 
 
+# ---- A bullet
+
+
+def test_a_bullet_flies_as_far_in_a_flash_as_the_page_says() -> None:
+    path = SCENES / "lecture" / "bullet.yaml"
+    spec = load(path)
+    # Pixels a second.
+    speed = explain(spec).objects["bullet"]["streak_px"] / spec.camera.shutter
+    flown = [speed * load(path, dict(variant.keys)).lights[0].duration for variant in LECTURE["bullet"].variants]
+    assert flown[0] == pytest.approx(1.0, abs=0.2)  # "about a pixel"
+    assert flown[2] > 2.0 * spec.film.width  # "more than twice the width of the picture"
+    # Columns of 0.44 mm in which the bullet is seen before the blue wall: 25 mm, and 20 mm more.
+    parts = [shown("lecture_bullet")[120:146, 406 * k + 285 : 406 * k + 395] for k in range(3)]
+    seen = [(part[..., 2] - part[..., 0]).min(axis=0) < 15.0 for part in parts]
+    assert [columns.sum() for columns in seen] == pytest.approx([57, 102, 0], abs=8)
+
+
+# ---- Gain
+
+
+def test_rounding_adds_the_noise_that_the_page_says() -> None:
+    exposed = {"camera.shutter": 1 / 1024, "camera.sensor.full_well": 50_000.0}
+    steps = {}
+    for bits in (10, 14):
+        for iso in (100, 6400):
+            keys = {**exposed, "camera.sensor.bit_depth": bits}
+            response = make_response(load(SCENES / "lecture" / "iso_noise.yaml", keys).camera.sensor, iso)
+            steps[bits, iso] = 1.0 / response.scale
+            # The variance of no light, in electrons.
+            dark = float(response.variance(np.zeros(1))[0]) * response.saturation**2
+            assert dark == pytest.approx(3.0**2 + steps[bits, iso] ** 2 / 12.0)
+    assert steps[10, 100] == pytest.approx(64.0 * steps[10, 6400])
+    for bits, step, noise in ((10, "50.5", "14.6"), (14, "3.2", "0.9")):
+        assert f"{steps[bits, 100]:.{len(step) - step.index('.') - 1}f}" == step
+        words = " ".join(PAGES["06"].split())
+        assert re.search(rf"a step is {step} electrons, and rounding adds {noise}\b", words)
+        assert steps[bits, 100] / 12.0**0.5 == pytest.approx(float(noise), abs=0.05)
+    # White at ISO 6400 is a 64th of a full well.
+    assert int(50_000 / 64 / steps[10, 100]) == 15
+
+
+def test_digital_gain_leaves_few_numbers() -> None:
+    sheet = shown("lecture_gain")
+    panels = {(330 * (n // 2), 406 * (n % 2)): bits for n, bits in enumerate(("before", 14, 12, 10))}
+    greys = {bits: sheet[y : y + 300, x : x + 400, 1][2::5, 2::5] for (y, x), bits in panels.items()}
+    noise = {bits: np.abs(np.diff(grey[:20], axis=1)).mean() for bits, grey in greys.items()}
+    assert noise[10] > 1.5 * noise["before"]
+    assert noise[14] == pytest.approx(noise["before"], rel=0.2)
+
+
 # ---- Light fields
 
 
@@ -109,3 +162,26 @@ def test_one_raw_picture_is_refocused_on_either_dragon() -> None:
     assert np.argmax(body) == 1 + gallery_light_fields.DRAGON_FOCUSES.index(0.79)
     assert max(head) > 2.0 * head[-1]
     assert max(body) > 2.0 * body[0]
+
+
+def test_a_light_field_shows_each_eye_the_window_and_a_photograph_does_not() -> None:
+    sheet = shown("lightfield_window")
+    rows = [sheet[270 * n : 270 * n + 240] for n in range(3)]
+    window, field, photograph = ([row[:, 326 * k : 326 * k + 320] for k in range(3)] for row in rows)
+    for side in (0, 2):
+        wrong = np.abs(photograph[side] - window[side]).mean()
+        assert np.abs(field[side] - window[side]).mean() < 0.15 * wrong
+    assert np.abs(photograph[0] - photograph[2]).mean() < 2.0
+
+
+def test_a_point_of_a_wall_looks_alike_from_everywhere_and_one_of_a_pane_does_not() -> None:
+    sheet = shown("lightfield_two_planes")[210:390]
+    spreads = [sheet[10:170, 246 * k + 40 : 246 * k + 200].std(axis=(0, 1)).max() for k in range(4)]
+    assert min(spreads[1:]) > 3.0 * spreads[0]
+
+
+def test_rays_of_the_diagram_enter_the_box_on_its_surface() -> None:
+    for eye, target in (((-5.2, -1.3), (-0.4, -0.46)), ((-1.2, -3.6), (0.5, -0.41)), ((4.0, 3.0), (0.1, -0.2))):
+        x, y = light_field._crossing(eye, target, 1.5)
+        assert max(abs(x), abs(y)) == pytest.approx(1.5)
+        assert (x - eye[0]) * (target[1] - eye[1]) == pytest.approx((y - eye[1]) * (target[0] - eye[0]))
