@@ -127,6 +127,27 @@ def noise_crops_picture() -> Image.Image:
     return sheet(crops, [variant.caption for variant in variants], 2)
 
 
+def inside_camera_picture() -> Image.Image:
+    """Look into a camera: open, stopped down, and with the slit of its shutter in two places."""
+    variants = {
+        "open": {},
+        "stopped down to half": {"groups.blade[0].min": [0.76, 0.18, -0.72]},
+        **{f"the slit on its way, {words}": _curtains(*edges) for words, edges in SLITS.items()},
+    }
+    file = SCENES / "lecture" / "inside_camera.yaml"
+    pictures = [render(load(file, keys), denoise=True).image.display() for keys in variants.values()]
+    return sheet(pictures, list(variants), 2)
+
+
+SLITS = {"early": (0.1, 0.7), "late": (-0.8, -0.2)}
+"""Lower and upper edge of the slit."""
+
+
+def _curtains(first: float, second: float) -> dict[str, Any]:
+    """Move the edges of the two curtains to these heights."""
+    return {"objects.first_curtain.max": [2.48, first, 1.5], "objects.second_curtain.min": [2.5, second, -1.5]}
+
+
 GAIN = 64
 """Gain of the pictures that show where a signal is amplified: from ISO 100 to 6400."""
 
@@ -174,6 +195,7 @@ MADE: Mapping[str, Callable[[], Image.Image]] = {
     "lecture_nested_sensors": nested_sensors_picture,
     "lecture_noise_crops": noise_crops_picture,
     "lecture_gain": gain_picture,
+    "lecture_inside_camera": inside_camera_picture,
     "lecture_lensless": lensless_picture,
     **gallery_light_fields.MADE,
 }

@@ -29,6 +29,72 @@ def shown(name: str) -> np.ndarray:
         return np.asarray(picture, float)
 
 
+# ---- Inside a camera
+
+
+THICK, HIGH, IOR = 0.7, 1.3, 1.8
+BLADES = 0.77, 0.36
+
+
+def meets(height: float) -> tuple[float, float]:
+    """Trace a ray from 5 m before an ellipsoid: return its height at the blades, and where it meets the axis."""
+    place, way = np.array([-5.0, 0.0]), np.array([5.0, height]) / np.hypot(5.0, height)
+    squares = np.array([THICK, HIGH]) ** -2
+    for sign, ratio in ((-1.0, 1.0 / IOR), (1.0, IOR)):
+        a, b, c = (squares * way) @ way, (squares * way) @ place, (squares * place) @ place - 1.0
+        place = place + (sign * np.sqrt(b * b - a * c) - b) / a * way
+        normal = -sign * squares * place / np.linalg.norm(squares * place)
+        cosine = -way @ normal
+        way = ratio * way + (ratio * cosine - np.sqrt(1.0 - ratio**2 * (1.0 - cosine**2))) * normal
+    slope = way[1] / way[0]
+    return place[1] + (BLADES[0] - place[0]) * slope, place[0] - place[1] / slope
+
+
+def narrowest(blades: float) -> float:
+    """Find where the rays between the blades are nearest to the axis, in the mean square over an even disc."""
+    heights = np.linspace(0.002, 0.6, 300)
+    rays = [(height, *meets(height)) for height in heights]
+    weight, at_blades, end = np.array([ray for ray in rays if ray[1] < blades]).T
+    places = np.linspace(2.0, 3.5, 301)
+    spread = [(weight * (at_blades * (end - x) / (end - BLADES[0])) ** 2).sum() for x in places]
+    return float(places[int(np.argmin(spread))])
+
+
+def test_the_film_stands_where_the_lens_makes_an_image() -> None:
+    spec = load(SCENES / "lecture" / "inside_camera.yaml")
+    objects = {item.name: item for item in spec.objects if item.name}
+    assert spec.materials["glass"].ior.base == IOR
+    assert -objects["letter"].max[0] == 5.0
+    # The lens maker's equation of a thick lens; at its vertex an ellipsoid has the radius b^2 / a.
+    curve = THICK / HIGH**2
+    power = (IOR - 1.0) * (2.0 * curve - (IOR - 1.0) * 2.0 * THICK * curve**2 / IOR)
+    back = THICK - (IOR - 1.0) * 2.0 * THICK * curve / (IOR * power)
+    axis = back + image_distance(1.0 / power, 5.0 - back)
+    assert meets(1e-3)[1] == pytest.approx(axis, rel=1e-5)
+    edge = min((ray for ray in map(meets, np.linspace(0.3, 0.6, 301)) if ray[0] < BLADES[1]), key=lambda ray: ray[1])[1]
+    assert edge < objects["film"].min[0] < axis
+    words = " ".join(PAGES["01"].split())
+    assert f"focal length of {1.0 / power:.2f} m" in words
+    assert f"meet {axis:.2f} m behind its middle" in words
+    assert f"meet at {edge:.2f} m" in words
+    assert narrowest(BLADES[1]) == pytest.approx(objects["film"].min[0], abs=0.01)
+    assert f"narrowest at {narrowest(0.5 * BLADES[1]):.2f} m" in words
+
+
+def test_the_film_shows_the_letter_upside_down_and_only_in_the_slit() -> None:
+    sheet = shown("lecture_inside_camera")
+    panels = [sheet[350 * (n // 2) : 350 * (n // 2) + 320, 486 * (n % 2) : 486 * (n % 2) + 480] for n in range(4)]
+    # On the film, what is green is below the middle of what is red.
+    film = panels[0][100:200, 395:440]
+    red_rows, green_rows = (np.nonzero(film[..., k] > film.mean(axis=2) + 40.0)[0] for k in (0, 1))
+    assert green_rows.mean() > red_rows.mean() + 15.0
+    # The green bar is bright in a late slit, and the upper end of the red one in an early slit.
+    green = [panel[172:190, 410:424, 1].mean() for panel in panels]
+    red = [panel[120:134, 407:413, 0].mean() for panel in panels]
+    assert min(green[0], green[3]) > 1.3 * green[2]
+    assert min(red[0], red[2]) > 1.3 * red[3]
+
+
 # ---- The slit of a focal plane shutter
 
 
