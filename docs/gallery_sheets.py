@@ -315,6 +315,36 @@ LECTURE = {
         ],
         scene="iso_noise",
     ),
+    "bullet": Sheet(
+        3,
+        400,
+        128,
+        [
+            Variant(f"flash of 1/{rate} s", {f"lights[{k}].duration": f"1/{rate} s" for k in range(2)})
+            for rate in (1000000, 20000, 1000)
+        ],
+    ),
+    "slit": Sheet(
+        3,
+        400,
+        256,
+        [
+            Variant(
+                f"{words}, flash after {milliseconds} ms",
+                {
+                    "camera.shutter": {"duration": duration, "readout": "1/250", "curtain": "focal_plane"},
+                    # Without an offset both flash after 4 ms, when the first curtain has arrived.
+                    **{f"lights[{k}].offset": f"{milliseconds - 4} ms" for k in range(2)},
+                },
+            )
+            for words, duration, milliseconds in (
+                *(("1/1000 s", "1/1000", milliseconds) for milliseconds in range(1, 5)),
+                ("1/2000 s", "1/2000", 2),
+                ("1/250 s", "1/250", 4),
+            )
+        ],
+        scene="frozen_drop",
+    ),
     "no_lens": Sheet(
         2,
         400,

@@ -6,10 +6,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from docs.diagrams import lens, light_field, view  # noqa: E402
+from docs.diagrams import lens, light_field, shutter, view  # noqa: E402
 from raytracer.report.figure import ON_PAPER, style, to_svg  # noqa: E402
 
-DIAGRAMS = {**view.DIAGRAMS, **lens.DIAGRAMS, **light_field.DIAGRAMS}
+DIAGRAMS = {**view.DIAGRAMS, **shutter.DIAGRAMS, **lens.DIAGRAMS, **light_field.DIAGRAMS}
 
 
 def main(names: list[str]) -> None:

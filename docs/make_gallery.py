@@ -8,7 +8,7 @@ Of a scene of scenes/lecture or scenes/optics, a picture shows several settings 
 
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from raytracer.analysis.probe import probe_sphere
 from raytracer.analysis.sweep.contact_sheet import SHEET
 from raytracer.analysis.sweep.run import sweep
 from raytracer.cli.base.app import main as run_command
-from raytracer.film.light_field.field import LightField
-from raytracer.film.light_field.layout import extract_light_field
-from raytracer.film.light_field.lf import write
 from raytracer.film.srgb import to_uint8
-from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.optics.sensor_formats import SENSORS
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
@@ -33,25 +28,25 @@ from raytracer.scene.spec import SceneSpec
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
+from docs import gallery_light_fields  # noqa: E402
 from docs.examples.lensless import reconstruct, scene_shadow  # noqa: E402
+from docs.gallery_paper import (  # noqa: E402
+    FONT_SIZE,
+    GALLERY,
+    INK,
+    LONGEST_EDGE,
+    MOST_BYTES,
+    PAPER,
+    SCENES,
+    SPP,
+    save_small,
+    sheet,
+)
 from docs.gallery_sheets import SHEETS  # noqa: E402
 
-SCENES = ROOT / "scenes"
-GALLERY = ROOT / "docs" / "gallery"
-LONGEST_EDGE = 800
-SPP = 256
 NOISE = 0.03
 MOST_SPP = 1024
-MOST_BYTES = 300_000
-
 SWEEP_WIDTH = 1600
-
-GAP = 6
-CAPTION = 24
-FONT_SIZE = 15
-PAPER = (255, 255, 255)
-INK = (40, 40, 40)
-QUALITIES = (92, 88, 84, 80, 75)
 
 
 def smaller(file: Path, keys: Mapping[str, Any], width: int, height: int) -> SceneSpec:
@@ -60,27 +55,6 @@ def smaller(file: Path, keys: Mapping[str, Any], width: int, height: int) -> Sce
     factor = min(1.0, width / film.width, height / film.height)
     size = {"film.width": round(factor * film.width), "film.height": round(factor * film.height)}
     return load(file, {**keys, **size})
-
-
-def sheet(pictures: Sequence[NDArray[np.uint8]], captions: Sequence[str], columns: int) -> Image.Image:
-    """Pictures of one size (height, width, 3) in rows, each with its caption below."""
-    height, width, _ = pictures[0].shape
-    rows = -(-len(pictures) // columns)
-    paper = Image.new("RGB", (columns * (width + GAP) - GAP, rows * (height + CAPTION + GAP) - GAP), PAPER)
-    draw, font = ImageDraw.Draw(paper), ImageFont.load_default(FONT_SIZE)
-    for number, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
-        left, top = number % columns * (width + GAP), number // columns * (height + CAPTION + GAP)
-        paper.paste(Image.fromarray(picture), (left, top))
-        draw.text((left + width // 2, top + height + CAPTION // 2), caption, INK, font, anchor="mm")
-    return paper
-
-
-def save_small(paper: Image.Image, target: Path) -> None:
-    """Save a picture as finely compressed as the size allows."""
-    for quality in QUALITIES:
-        paper.save(target, quality=quality)
-        if target.stat().st_size <= MOST_BYTES:
-            break
 
 
 def scene_picture(file: Path) -> None:
@@ -120,110 +94,6 @@ def sweep_picture() -> None:
     save_small(small, GALLERY / "sweep.jpg")
 
 
-# ---- Light fields
-
-
-def _rendered(name: str, keys: Mapping[str, Any], spp: int) -> LightField:
-    return extract_light_field(render(load(SCENES / "lightfield" / f"{name}.yaml", dict(keys)), spp=spp).image)
-
-
-def _refocused(field: LightField, distance: float, **settings: Any) -> NDArray[np.uint8]:
-    return to_uint8(refocus(field, distance, **settings).radiance)
-
-
-def letters_picture() -> Image.Image:
-    """One view of the nine letters, and the same focused on three of them."""
-    field = _rendered("letters", {"camera.rows": 9, "camera.columns": 9, "camera.spacing": "15 mm"}, 8)
-    distances = {"focused on 1 m": 1.0, "on 1.6 m": 1.6, "on 2.5 m": 2.5}
-    pictures = [to_uint8(field.view(4, 4)), *(_refocused(field, distance) for distance in distances.values())]
-    return sheet(pictures, ["one view of 81", *distances], 2)
-
-
-def dragons_picture() -> Image.Image:
-    """Two dragons, focused on one, on the other, stopped down, and with a plane of focus that leans."""
-    field = _rendered("dragons", {}, 8)
-    pictures = {
-        "focused on 1.5 m": _refocused(field, 1.5),
-        "on 2.3 m": _refocused(field, 2.3),
-        "on 1.5 m, through 25 of the 90 mm": _refocused(field, 1.5, aperture=0.025),
-        # The camera looks down by 10.3 degrees, and is 0.36 m above this plane, which is level.
-        "a level plane of focus, through both": _refocused(field, 2.02, tilt=79.7),
-    }
-    return sheet(list(pictures.values()), list(pictures), 2)
-
-
-def depth_picture() -> Image.Image:
-    """Draw how far away the two dragons are, both sharp, and one line of pixels from all views of a row."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "dragons.lf"
-        write(file, _rendered("dragons", {}, 8))
-        commands = {"depth": ["--near", "1.1", "--far", "4"], "all-in-focus": ["--near", "1.1", "--far", "4"]}
-        pictures = []
-        for name, words in {**commands, "epi": ["--line", "150"]}.items():
-            output = Path(folder) / f"{name}.png"
-            run_command(["lightfield", name, str(file), *words, "-o", str(output), "--quiet"])
-            with Image.open(output) as picture:
-                pictures.append(picture.convert("RGB"))
-    depth, sharp, epi = pictures
-    paper = Image.new("RGB", (2 * depth.width + GAP, depth.height + GAP + epi.height), PAPER)
-    paper.paste(depth, (0, 0))
-    paper.paste(sharp, (depth.width + GAP, 0))
-    paper.paste(epi, ((paper.width - epi.width) // 2, depth.height + GAP))
-    return paper
-
-
-def microlenses_picture() -> Image.Image:
-    """Small and large microlenses before one sensor: part of the raw picture, a view, and a picture refocused."""
-    pictures: dict[str, NDArray[np.uint8]] = {}
-    size = (400, 300)
-    for name in ("small", "large"):
-        image = render(load(SCENES / "lightfield" / f"{name}.yaml"), spp=16).image
-        field = extract_light_field(image)
-        raw = to_uint8(image.radiance[650:800, 800:1000])
-        made = {
-            f"{name} microlenses: raw picture": raw,
-            f"{name}: one of {field.views.rows * field.views.columns} views": to_uint8(
-                field.view(*field.views.nearest())
-            ),
-            f"{name}: focused on 0.77 m": _refocused(field, 0.77),
-        }
-        pictures |= {
-            words: np.asarray(Image.fromarray(part).resize(size, Image.Resampling.NEAREST))
-            for words, part in made.items()
-        }
-    return sheet(list(pictures.values()), list(pictures), 3)
-
-
-def raw_picture() -> Image.Image:
-    """One raw picture through a double Gauss: its cells, what its pixels see from, and four focuses made of it."""
-    glass = {"camera.lens": "../lenses/double-gauss-50mm.yaml", "camera.focal_length": None, "camera.f_number": 2}
-    near = {"camera.focus_on": None, "camera.focus_distance": 0.65}
-    image = render(load(SCENES / "lightfield" / "small.yaml", glass | near), spp=32).image
-    field = extract_light_field(image)
-    count = range(field.views.rows)
-    pictures = {
-        "the raw picture": to_uint8(image.radiance),
-        "a part of it": to_uint8(image.radiance[560:602, 700:756]),
-        "the mean of each cell": _refocused(field, 0.65),
-        "all views": to_uint8(np.block([[[field.view(row, column)] for column in count] for row in count])),
-        **{
-            f"view from {words}": to_uint8(field.view(*place))
-            for words, place in {"the left": (2, 1), "the middle": (2, 2), "the right": (2, 4), "below": (4, 2)}.items()
-        },
-        **{f"refocused on {distance} m": _refocused(field, distance) for distance in (0.77, 0.9, 1.1, 1.6)},
-    }
-    panels = [Image.fromarray(picture) for picture in pictures.values()]
-    # Cells keep their pixels.
-    sizes = [(panel, Image.Resampling.NEAREST if panel.width < 300 else Image.Resampling.LANCZOS) for panel in panels]
-    return sheet([np.asarray(panel.resize((300, 225), how)) for panel, how in sizes], list(pictures), 4)
-
-
-def sphere_picture() -> Image.Image:
-    """All directions from a point among the spheres of the cover."""
-    seen = probe_sphere(SCENES / "cover.yaml", (4.0, 1.2, 2.0), toward=(0.0, 1.0, 0.0), width=LONGEST_EDGE, spp=64)
-    return Image.fromarray(seen.image.display())
-
-
 # ---- The lecture
 
 
@@ -259,6 +129,52 @@ def noise_crops_picture() -> Image.Image:
     return sheet(crops, [variant.caption for variant in variants], 2)
 
 
+def inside_camera_picture() -> Image.Image:
+    """Look into a camera: open, stopped down, and with the slit of its shutter in two places."""
+    variants = {
+        "open": {},
+        "stopped down to half": {"groups.blade[0].min": [0.76, 0.18, -0.72]},
+        **{f"the slit on its way, {words}": _curtains(*edges) for words, edges in SLITS.items()},
+    }
+    file = SCENES / "lecture" / "inside_camera.yaml"
+    pictures = [render(load(file, keys), denoise=True).image.display() for keys in variants.values()]
+    return sheet(pictures, list(variants), 2)
+
+
+SLITS = {"early": (0.1, 0.7), "late": (-0.8, -0.2)}
+"""Lower and upper edge of the slit."""
+
+
+def _curtains(first: float, second: float) -> dict[str, Any]:
+    """Move the edges of the two curtains to these heights."""
+    return {"objects.first_curtain.max": [2.48, first, 1.5], "objects.second_curtain.min": [2.5, second, -1.5]}
+
+
+GAIN = 64
+"""Gain of the pictures that show where a signal is amplified: from ISO 100 to 6400."""
+
+GAINS = {
+    "before the converter, 10 bits": (10, GAIN),
+    "after it, 14 bits": (14, 1),
+    "after it, 12 bits": (12, 1),
+    "after it, 10 bits": (10, 1),
+}
+"""Bits of the converter, and the gain before it; what is missing to GAIN is multiplied afterwards."""
+
+
+def gain_picture() -> Image.Image:
+    """Enlarge a few pixels of one exposure, amplified before and after it was converted to numbers."""
+    crops = []
+    for bits, before in GAINS.values():
+        sensor = {"format": "full_frame", "noise": True, "bit_depth": bits}
+        keys = {"camera.sensor": sensor, "camera.iso": 100 * before, "camera.shutter": 1 / (16 * GAIN)}
+        spec = load(SCENES / "lecture" / "iso_noise.yaml", keys)
+        recorded = render(spec, spp=2 * SPP, crop=(190, 150, 270, 210)).image.radiance
+        part = Image.fromarray(to_uint8(recorded * (GAIN / before)))
+        crops.append(np.asarray(part.resize((400, 300), Image.Resampling.NEAREST)))
+    return sheet(crops, list(GAINS), 2)
+
+
 def lensless_picture() -> Image.Image:
     """A mask in place of a lens: what the sensor records, the mask, its reconstruction, and what one hole shows."""
     file = SCENES / "lecture" / "lensless.yaml"
@@ -280,13 +196,10 @@ def lensless_picture() -> Image.Image:
 MADE: Mapping[str, Callable[[], Image.Image]] = {
     "lecture_nested_sensors": nested_sensors_picture,
     "lecture_noise_crops": noise_crops_picture,
+    "lecture_gain": gain_picture,
+    "lecture_inside_camera": inside_camera_picture,
     "lecture_lensless": lensless_picture,
-    "lightfield_letters": letters_picture,
-    "lightfield_dragons": dragons_picture,
-    "lightfield_depth": depth_picture,
-    "lightfield_microlenses": microlenses_picture,
-    "lightfield_sphere": sphere_picture,
-    "lightfield_raw": raw_picture,
+    **gallery_light_fields.MADE,
 }
 """What makes the pictures that are more than settings of a scene side by side."""
 

@@ -16,7 +16,7 @@ from PIL import Image
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from docs.make_gallery import GALLERY, save_small, sheet  # noqa: E402
+from docs.gallery_paper import GALLERY, save_small, sheet  # noqa: E402
 
 PAGE = ROOT / "docs" / "tutorial.md"
 LENS = ROOT / "scenes" / "lenses" / "double-gauss-50mm.yaml"

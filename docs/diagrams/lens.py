@@ -186,6 +186,32 @@ def depth_of_field() -> Sheet:
     return sheet
 
 
+def depth_of_focus() -> Sheet:
+    """Draw how far the film may stand before and behind the image of a point."""
+    image, radius, circle = 4.6, 1.3, 0.42
+    # Similar triangles: the circle is to the opening as the distance to the image is to that of the image.
+    side = image * circle / (2.0 * radius)
+    sheet = Sheet((-3.0, 8.2), (-2.35, 2.0))
+    sheet.axis(-2.8, image + side)
+    sheet.area([(0.0, radius), (0.0, -radius), (image, 0.0)], BLUE, 0.16)
+    sheet.area([(image, 0.0), (image + side, circle / 2), (image + side, -circle / 2)], VERMILLION, 0.5)
+    sheet.area([(image, 0.0), (image - side, circle / 2), (image - side, -circle / 2)], VERMILLION, 0.5)
+    sheet.lens(0.0, radius, thickness=0.12)
+    for sign in (1.0, -1.0):
+        end = _along((0.0, sign * radius), (image, 0.0), 6.4)
+        sheet.ray((-2.8, sign * radius), (0.0, sign * radius), end, color=BLUE, width=1.0)
+        place = image + sign * side
+        sheet.line((place, -1.2), (place, 1.2), color=VERMILLION, dashed=True)
+    sheet.line((image, -1.2), (image, 1.2), width=2.0)
+    sheet.length((image + side + 0.28, -circle / 2), (image + side + 0.28, circle / 2), "$c$", (0.3, 0.0), VERMILLION)
+    sheet.length((-0.4, -radius), (-0.4, radius), "$A$", (-0.3, 0.0))
+    sheet.length((0.0, -1.75), (image, -1.75), "$z_i$", (0.0, 0.22))
+    sheet.length((image - side, 1.4), (image + side, 1.4), "$t$: the film may be here", (0.0, 0.25), VERMILLION)
+    sheet.length((image, -1.45), (image + side, -1.45), "$t / 2$", (0.0, -0.28), VERMILLION)
+    sheet.text((7.3, -0.9), r"$\frac{t / 2}{c} = \frac{z_i}{A}$", size=15)
+    return sheet
+
+
 def f_numbers() -> Sheet:
     """Draw three lenses with their focal lengths and diameters to scale."""
     sheet = Sheet((-70.0, 570.0), (-75.0, 75.0), rows=3)
@@ -208,5 +234,6 @@ DIAGRAMS = {
     "sampling_a_lens": sampling_a_lens,
     "circle_of_confusion": circle_of_confusion_diagram,
     "depth_of_field": depth_of_field,
+    "depth_of_focus": depth_of_focus,
     "f_numbers": f_numbers,
 }

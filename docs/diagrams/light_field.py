@@ -100,6 +100,41 @@ def two_planes() -> Sheet:
     return sheet
 
 
+def _crossing(start: Point, end: Point, half: float) -> Point:
+    """Find where the line from a point outside to one within a square about the origin enters it."""
+    steps = [(end[i] - start[i]) for i in (0, 1)]
+    parts = [(math.copysign(half, start[i]) - start[i]) / steps[i] for i in (0, 1) if abs(start[i]) > half]
+    part = max(parts)
+    return start[0] + part * steps[0], start[1] + part * steps[1]
+
+
+def object_in_a_box() -> Sheet:
+    """Draw an object in a box, from above, and what two eyes see of it by the light that leaves the box."""
+    half, eyes = 1.5, ((-5.2, -1.3), (-1.2, -3.6))
+    seen = (
+        ((-0.55, 0.37), (-0.74, 0.07), (-0.68, -0.23), (-0.4, -0.46)),
+        ((-0.7, -0.2), (-0.35, -0.48), (0.1, -0.54), (0.5, -0.41)),
+    )
+    sheet = Sheet((-6.4, 7.6), (-4.0, 2.2))
+    sheet.box((-half, -half), (2 * half, 2 * half), "none", INK, linewidth=2.0)
+    sheet.area([(0.75 * math.cos(t), 0.55 * math.sin(t)) for t in np.linspace(0.0, 2 * math.pi, 40)], GREEN, 0.8)
+    sheet.text((0.0, 0.0), "object", "white")
+    for eye, targets, color in zip(eyes, seen, (BLUE, VERMILLION), strict=True):
+        for target in targets:
+            on_box = _crossing(eye, target, half)
+            sheet.line(target, on_box, color=FAINT, width=1.0, dashed=True)
+            sheet.ray(on_box, eye, color=color, width=1.2)
+            sheet.dot(on_box, color, 4.0)
+        sheet.dot(eye, INK, 7.0)
+    sheet.text((eyes[0][0], eyes[0][1] - 0.35), "one eye")
+    sheet.text((eyes[1][0] - 0.9, eyes[1][1]), "another")
+    sheet.text((2.2, 1.0), "known for each point of the box:", ha="left")
+    sheet.text((2.2, 0.5), "how much light leaves it in each direction", ha="left")
+    sheet.text((2.2, -0.3), "an eye needs one value of each point\nthat it sees: that of its own direction", ha="left")
+    sheet.text((0.0, 1.85), "box")
+    return sheet
+
+
 def light_field_camera() -> Sheet:
     """Draw how each pixel behind a microlens sees the scene through its own part of the main lens."""
     focus, radius, lenslets, sensor = 6.0, 1.5, 3.0, 3.75
@@ -156,6 +191,7 @@ DIAGRAMS = {
     "plenoptic_function": plenoptic_function,
     "sampled_plenoptic_function": sampled_plenoptic_function,
     "two_planes": two_planes,
+    "object_in_a_box": object_in_a_box,
     "light_field_camera": light_field_camera,
     "refocusing": refocusing,
 }

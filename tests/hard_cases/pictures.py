@@ -181,7 +181,7 @@ def rendered(name, number, out):
 
 def composed(name):
     """Render all panels of a row, each in a process of its own, and put them side by side."""
-    from docs.make_gallery import GALLERY, save_small, sheet
+    from docs.gallery_paper import GALLERY, save_small, sheet
 
     _, *panels = ROWS[name]
     pictures = []
