@@ -82,8 +82,9 @@ def save_small(paper: Image.Image, target: Path) -> None:
 
 
 def scene_picture(file: Path) -> None:
-    """Render a scene as it is."""
-    rendered = render(smaller(file, {}, LONGEST_EDGE, LONGEST_EDGE), spp=SPP)
+    """Render a scene as it is, a showcase with as many samples as it asks for."""
+    spec = smaller(file, {}, LONGEST_EDGE, LONGEST_EDGE)
+    rendered = render(spec, spp=spec.render.spp if file.parent.name == "showcase" else SPP)
     rendered.image.save(GALLERY / f"{file.stem}.jpg")
 
 
@@ -300,7 +301,7 @@ CROSS_SECTIONS = {
 def main() -> None:
     """Render the scenes that are named, or all; and draw the lenses."""
     GALLERY.mkdir(exist_ok=True)
-    plain = {file.stem: file for file in sorted(SCENES.glob("*.yaml"))}
+    plain = {file.stem: file for file in sorted([*SCENES.glob("*.yaml"), *SCENES.glob("showcase/*.yaml")])}
     in_folders = [f"{folder}_{name}" for folder, sheets in SHEETS.items() for name in sheets]
     for name, lens in CROSS_SECTIONS.items():
         run_command(["lens", str(SCENES / "lenses" / f"{lens}.yaml"), "-o", str(GALLERY / f"{name}.svg"), "--quiet"])
