@@ -17,8 +17,8 @@ DEFAULT = Path(__file__).parents[1] / "showcase" / "night_street.yaml"
 HEAD = """\
 # A wet street at night, through a Petzval lens of 100 mm that is wide open: somebody has left an umbrella.
 # Look at: lamps out of focus, which draw the six blades of the stop in the middle of the picture, and towards its
-# corners the cat's eyes that the rims of the lens leave of them; how long the reflections of the same lamps are, since
-# the road is rough and seen from low down; puddles, where they are short and clear.
+# corners the cat's eyes that the rims of the lens leave of them; how long their reflections are, since the road is
+# rough and seen from low down.
 # Change: camera.f_number to 8, and camera.shutter to 1/6 s with it; camera.focus_on to last car, with
 # camera.focus_distance null; camera.lens to ../lenses/double-gauss-50mm.yaml; materials.asphalt.roughness to 0.6, for a
 # dry road.
