@@ -126,6 +126,23 @@ def test_files_that_scripts_made_are_what_the_scripts_make():
     assert np.array_equal(puff, script("scenes/generate/puff.py").densities())
 
 
+def test_the_veil_spreads_the_light_of_the_sun_and_takes_none_away(monkeypatch):
+    sky = script("scenes/generate/sky.py")
+    monkeypatch.setattr(sky, "HEIGHT", 256)
+    ways = sky.directions()
+    toward = np.array([0.0, math.sin(0.5), -math.cos(0.5)])
+    angle = np.arccos(np.clip(ways @ toward, -1.0, 1.0))
+    # Rows of equal angles: a texel is the smaller the nearer to a pole.
+    solid_angle = np.sqrt(1.0 - ways[..., 1] ** 2) * (math.pi / 256) ** 2
+    assert solid_angle.sum() == pytest.approx(4.0 * math.pi, rel=1e-4)
+    # Rayleigh's distribution, with the standard deviation of 3.5 degrees.
+    for veil, within in ((0.0, 1.0), (1.0, 1.0 - math.exp(-0.5 * (0.06 / math.radians(3.5)) ** 2))):
+        light = sky.sun_lobes(toward, ways, veil) * solid_angle
+        assert light.sum() == pytest.approx(1.0, rel=1e-6)
+        assert np.tensordot(light, ways, axes=2) == pytest.approx(toward, abs=5e-3)
+        assert light[angle < 0.06].sum() == pytest.approx(within, abs=0.03)
+
+
 def test_a_mask_repeated_is_correlated_with_itself_in_one_place_only():
     # Gottesman and Fenimore 1989: with what is closed counted as -1, and the first square as open, the periodic
     # correlation with the mask is a single peak.

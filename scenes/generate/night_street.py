@@ -15,7 +15,7 @@ import numpy as np
 DEFAULT = Path(__file__).parents[1] / "showcase" / "night_street.yaml"
 
 HEAD = """\
-# A wet street at night, through a Petzval lens of 100 mm that is wide open: somebody has left an umbrella.
+# A wet street at night, through a Petzval lens of 100 mm, nearly wide open: somebody has left an umbrella.
 # Look at: lamps out of focus, which draw the six blades of the stop in the middle of the picture, and towards its
 # corners the cat's eyes that the rims of the lens leave of them; how long their reflections are, since the road is
 # rough and seen from low down.

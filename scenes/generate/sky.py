@@ -101,7 +101,7 @@ def land_and_sea(ways: Floats, sky: Floats) -> Floats:
         result = np.where((elevation < top)[..., None], hill, result)
     # Water mirrors what is above the horizon, blurred by waves, and more of it at a distance.
     calm = gaussian_filter(sky[::-1], (14.0, 5.0, 0.0), mode=("nearest", "wrap", "nearest"))
-    mirrored = calm * (0.04 + 0.5 * np.exp(elevation / 6.0))[..., None] + 0.05 * horizon * np.array([0.3, 0.6, 0.8])
+    mirrored = calm * (0.04 + 0.5 * np.exp(elevation / 6.0))[..., None] + 0.05 * horizon * np.array([0.3, 0.8, 1.2])
     return np.where((elevation < 0.0)[..., None], mirrored, result)
 
 
@@ -116,7 +116,7 @@ def evening(elevation: float, veil: float) -> Floats:
     seen = 1.0 - np.exp(-depth)
     # Thin cloud scatters forwards, thick cloud all round; what it lets through falls with its depth.
     phase = 0.35 * scattering(cosine, 0.75) + 0.65 / (4.0 * np.pi)
-    white = sun * phase[..., None] * (0.35 + 0.65 * np.exp(-0.6 * depth)) * 2.0 + 0.45 * sky.mean(axis=(0, 1))
+    white = sun * phase[..., None] * (0.35 + 0.65 * np.exp(-0.6 * depth)) * 1.7 + 0.4 * sky.mean(axis=(0, 1))
     sky = sky * np.exp(-depth) + seen * white
     sky = sky + sun * sun_lobes(toward, ways, veil)[..., None] * (ways[..., 1:2] > 0.0)
     return land_and_sea(ways, sky)
@@ -126,7 +126,7 @@ def main() -> None:
     """Write the picture to the path given, or to the folder of files which are not in the repository."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", nargs="?", type=Path, default=DEFAULT, help="default: scenes/generated/evening.hdr")
-    parser.add_argument("--elevation", type=float, default=22.0, help="of the sun above the horizon (degrees)")
+    parser.add_argument("--elevation", type=float, default=14.0, help="of the sun above the horizon (degrees)")
     parser.add_argument("--veil", type=float, default=1.0, help="part of the sun's light that the veil spreads")
     arguments = parser.parse_args()
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
