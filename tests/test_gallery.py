@@ -119,6 +119,8 @@ def test_files_that_scripts_made_are_what_the_scripts_make():
             assert (SCENES / folder / f"{name}.yaml").read_text(encoding="utf-8") == street.street(name)
     night = SCENES / "showcase" / "night_street.yaml"
     assert night.read_text(encoding="utf-8") == script("scenes/generate/night_street.py").scene()
+    assert (SCENES / "diamond.ply").read_bytes() == script("scenes/generate/diamond.py").ply()
+    assert (SCENES / "showcase" / "step_cut.ply").read_bytes() == script("scenes/generate/step_cut.py").ply()
     assert (SCENES / "lecture" / "splash.ply").read_bytes() == script("scenes/generate/splash.py").ply()
     with Image.open(SCENES / "lecture" / "coded_mask.png") as picture:
         assert (np.asarray(picture) == coded_mask.coded_mask()).all()
