@@ -36,7 +36,10 @@ INSTALLED_PEERS := $(PEER_VENV)/.installed-by-$(notdir $(PYTHON))
 MILLION := scenes/generated/million.ply
 FOREST := scenes/generated/forest_russet.npy
 DRAGON := scenes/generated/dragon.ply
-GENERATED := $(MILLION) $(FOREST) $(DRAGON)
+UMBRELLA := scenes/generated/umbrella_cloth.ply
+EVENING := scenes/generated/evening.hdr
+STILL_LIFE := scenes/generated/candle.obj
+GENERATED := $(MILLION) $(FOREST) $(DRAGON) $(UMBRELLA) $(EVENING) $(STILL_LIFE)
 
 .PHONY: help render test test-slow check bench fuzz mutants peers hard-cases references gallery docs scenes clean
 
@@ -108,9 +111,18 @@ $(MILLION): scenes/generate/million.py | $(INSTALLED)
 $(DRAGON): scenes/generate/dragon.py | $(INSTALLED)
 	$(VENV_PYTHON) scenes/generate/dragon.py
 
-# Its last file stands for all that it writes.
+$(EVENING): scenes/generate/sky.py | $(INSTALLED)
+	$(VENV_PYTHON) scenes/generate/sky.py
+
+# The last file of each stands for all that its script writes.
 $(FOREST): scenes/generate/forest.py | $(INSTALLED)
 	$(VENV_PYTHON) scenes/generate/forest.py
+
+$(UMBRELLA): scenes/generate/umbrella.py | $(INSTALLED)
+	$(VENV_PYTHON) scenes/generate/umbrella.py
+
+$(STILL_LIFE): scenes/generate/still_life.py | $(INSTALLED)
+	$(VENV_PYTHON) scenes/generate/still_life.py
 
 # Make the environment $(1) with $(PYTHON), or say in a sentence why that cannot be.
 define make_venv

@@ -58,8 +58,10 @@ def smaller(file: Path, keys: Mapping[str, Any], width: int, height: int) -> Sce
 
 
 def scene_picture(file: Path) -> None:
-    """Render a scene as it is, with as many samples as its noise calls for."""
-    rendered = render(smaller(file, {}, LONGEST_EDGE, LONGEST_EDGE), spp=MOST_SPP, noise=NOISE)
+    """Render a scene with as many samples as its noise calls for, or a showcase with those that it asks for."""
+    spec = smaller(file, {}, LONGEST_EDGE, LONGEST_EDGE)
+    is_showcase = file.parent.name == "showcase"
+    rendered = render(spec, spp=spec.render.spp) if is_showcase else render(spec, spp=MOST_SPP, noise=NOISE)
     rendered.image.save(GALLERY / f"{file.stem}.jpg")
 
 
@@ -215,7 +217,7 @@ CROSS_SECTIONS = {
 def main() -> None:
     """Render the scenes that are named, or all; and draw the lenses."""
     GALLERY.mkdir(exist_ok=True)
-    plain = {file.stem: file for file in sorted(SCENES.glob("*.yaml"))}
+    plain = {file.stem: file for file in sorted([*SCENES.glob("*.yaml"), *SCENES.glob("showcase/*.yaml")])}
     in_folders = [f"{folder}_{name}" for folder, sheets in SHEETS.items() for name in sheets]
     for name, lens in CROSS_SECTIONS.items():
         run_command(["lens", str(SCENES / "lenses" / f"{lens}.yaml"), "-o", str(GALLERY / f"{name}.svg"), "--quiet"])

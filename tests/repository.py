@@ -15,7 +15,12 @@ SCENES = ROOT / "scenes"
 REFERENCES = Path(__file__).parent / "references"
 """Small pictures of the scenes, and scenes that only they are made of (`make references`)."""
 
-GENERATED = {"million": "million.ply", "instances": "forest_russet.npy"}
+GENERATED = {
+    "million": "million.ply",
+    "instances": "forest_russet.npy",
+    "night_street": "umbrella_cloth.ply",
+    "still_life": "candle.obj",
+}
 """Scenes that are made of files which are not in the repository, and the last of these that is made."""
 
 

@@ -20,7 +20,9 @@ from raytracer.rendering.render import render
 from raytracer.scene.assets.lenses import read_lens
 from raytracer.scene.load import load
 from raytracer.scene.overrides import parse_overrides
-from tests.repository import ROOT, SCENES, script
+from raytracer.scene.pack.scene import pack
+from raytracer.scene.warnings import find_warnings
+from tests.repository import ROOT, SCENES, need_files_of, script
 
 make_gallery, street = script("docs/make_gallery.py"), script("scenes/generate/street.py")
 coded_mask, lensless = script("scenes/generate/coded_mask.py"), script("docs/examples/lensless.py")
@@ -43,6 +45,23 @@ def test_the_gallery_shows_every_scene_and_the_page_every_sheet(folder, page):
     sheets = make_gallery.SHEETS[folder]
     assert {sheet.scene or name for name, sheet in sheets.items()} | (made & scenes) == scenes
     assert sorted(re.findall(rf"gallery/{folder}_(\w+)\.jpg", page)) == sorted({*sheets, *made})
+
+
+@pytest.mark.parametrize("path", sorted((SCENES / "showcase").glob("*.yaml")), ids=lambda path: path.stem)
+def test_a_showcase_is_on_the_page_and_says_what_to_look_at_and_what_to_change(path):
+    page = (ROOT / "docs" / "scenes-gallery.md").read_text(encoding="utf-8")
+    comment = path.read_text(encoding="utf-8").partition("camera:")[0]
+    assert all(line.startswith("# ") for line in comment.splitlines())
+    assert "# Look at: " in comment
+    assert "# Change: " in comment
+    assert f"](gallery/{path.stem}.jpg)\n\n`scenes/showcase/{path.name}`: " in page
+    assert (make_gallery.GALLERY / f"{path.stem}.jpg").stat().st_size <= make_gallery.MOST_BYTES
+    need_files_of(path.stem)
+    spec = load(path)
+    # Exposed by numbers, and as large as the gallery shows it.
+    assert spec.camera.iso
+    assert max(spec.film.width, spec.film.height) <= make_gallery.LONGEST_EDGE
+    assert [item.text for item in find_warnings(pack(spec))] == []
 
 
 def test_pages_show_every_diagram_that_is_drawn():
@@ -101,11 +120,32 @@ def test_files_that_scripts_made_are_what_the_scripts_make():
     for folder, names in (("lecture", street.HEADS), ("optics", street.OPTICS)):
         for name in names:
             assert (SCENES / folder / f"{name}.yaml").read_text(encoding="utf-8") == street.street(name)
+    night = SCENES / "showcase" / "night_street.yaml"
+    assert night.read_text(encoding="utf-8") == script("scenes/generate/night_street.py").scene()
+    assert (SCENES / "diamond.ply").read_bytes() == script("scenes/generate/diamond.py").ply()
+    assert (SCENES / "showcase" / "step_cut.ply").read_bytes() == script("scenes/generate/step_cut.py").ply()
     assert (SCENES / "lecture" / "splash.ply").read_bytes() == script("scenes/generate/splash.py").ply()
     with Image.open(SCENES / "lecture" / "coded_mask.png") as picture:
         assert (np.asarray(picture) == coded_mask.coded_mask()).all()
     puff = np.load(SCENES / "kinds" / "media" / "puff.npy")
     assert np.array_equal(puff, script("scenes/generate/puff.py").densities())
+
+
+def test_the_veil_spreads_the_light_of_the_sun_and_takes_none_away(monkeypatch):
+    sky = script("scenes/generate/sky.py")
+    monkeypatch.setattr(sky, "HEIGHT", 256)
+    ways = sky.directions()
+    toward = np.array([0.0, math.sin(0.5), -math.cos(0.5)])
+    angle = np.arccos(np.clip(ways @ toward, -1.0, 1.0))
+    # Rows of equal angles: a texel is the smaller the nearer to a pole.
+    solid_angle = np.sqrt(1.0 - ways[..., 1] ** 2) * (math.pi / 256) ** 2
+    assert solid_angle.sum() == pytest.approx(4.0 * math.pi, rel=1e-4)
+    # Rayleigh's distribution, with the standard deviation of 3.5 degrees.
+    for veil, within in ((0.0, 1.0), (1.0, 1.0 - math.exp(-0.5 * (0.06 / math.radians(3.5)) ** 2))):
+        light = sky.sun_lobes(toward, ways, veil) * solid_angle
+        assert light.sum() == pytest.approx(1.0, rel=1e-6)
+        assert np.tensordot(light, ways, axes=2) == pytest.approx(toward, abs=5e-3)
+        assert light[angle < 0.06].sum() == pytest.approx(within, abs=0.03)
 
 
 def test_a_mask_repeated_is_correlated_with_itself_in_one_place_only():

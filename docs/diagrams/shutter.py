@@ -1,4 +1,4 @@
-"""The two curtains of a focal plane shutter, on their way over the film."""
+"""The two curtains of a focal-plane shutter, on their way over the film."""
 
 from docs.diagrams.base import BLUE, INK, SENSOR, Sheet
 from raytracer.core.shutter.table import Shutter
@@ -17,7 +17,7 @@ _LINES = 1000
 
 
 def focal_plane(seconds: float) -> Shutter:
-    """Pack a focal plane shutter that exposes each place for so long (s)."""
+    """Pack a focal-plane shutter that exposes each place for so long (s)."""
     timing = Timing(0.0, seconds, readout=TRAVEL, curtain="focal_plane")
     return pack_shutter(timing, _LINES, _LINES)
 

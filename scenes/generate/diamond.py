@@ -47,9 +47,9 @@ def planes() -> NDArray[np.float64]:
     return np.array(rows)
 
 
-def brilliant() -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Return the vertices (n, 3) and the triangles (m, 3), anticlockwise from outside."""
-    found = HalfspaceIntersection(planes(), np.zeros(3)).intersections
+def solid(half_spaces: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return the vertices (n, 3) and the triangles (m, 3), anticlockwise from outside, of what half-spaces share."""
+    found = HalfspaceIntersection(half_spaces, np.zeros(3)).intersections
     # Facets that meet in one point meet there within rounding.
     corners = np.unique(np.round(found, 9), axis=0)
     hull = ConvexHull(corners)
@@ -57,12 +57,13 @@ def brilliant() -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     a, b, c = (corners[triangles[:, i]] for i in range(3))
     inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     triangles[inwards] = triangles[inwards][:, ::-1]
-    return (RADIUS * corners).astype(np.float32), triangles.astype(np.int32)
+    return corners, triangles.astype(np.int32)
 
 
-def ply() -> bytes:
-    """Return the mesh as a binary PLY file."""
-    vertices, triangles = brilliant()
+def ply(half_spaces: NDArray[np.float64] | None = None, unit: float = RADIUS) -> bytes:
+    """Return a stone as a binary PLY file, the brilliant by default; `unit` is what lengths are given in (m)."""
+    corners, triangles = solid(planes() if half_spaces is None else half_spaces)
+    vertices = unit * corners
     header = (
         "ply\nformat binary_little_endian 1.0\n"
         f"element vertex {len(vertices)}\nproperty float x\nproperty float y\nproperty float z\n"
