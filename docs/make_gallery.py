@@ -23,12 +23,12 @@ from raytracer.cli.base.app import main as run_command
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.layout import extract_light_field
 from raytracer.film.light_field.lf import write
-from raytracer.film.srgb import to_uint8
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.optics.sensor_formats import SENSORS
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
+from raytracer.util.srgb import to_uint8
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))

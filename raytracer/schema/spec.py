@@ -86,7 +86,7 @@ class Spec(BaseModel):
         errors = [
             _error(
                 (key,),
-                f"unknown key {format_value(key)} of {noun}; {suggest_name(str(key), cls.own_keys_first(), 'keys')}",
+                f"unknown key {format_value(key)} of {noun}; {cls._meant(str(key), data[key])}",
             )
             for key in itertools.islice((key for key in data if key not in known), _MAX_UNKNOWN_KEYS)
         ]
@@ -99,3 +99,12 @@ class Spec(BaseModel):
                 if not (item["type"] == "missing" and len(item["loc"]) == 1)
             ]
         raise ValidationError.from_exception_data(cls.__name__, errors)
+
+    @classmethod
+    def _meant(cls, key: str, value: Any) -> str:
+        """End a sentence about an unknown key."""
+        if key.isdecimal() and value is None:
+            return "a comma separates keys, and the decimal point is a point"
+        if ":" in key and value is None:
+            return f"a space goes after the colon: `{key.replace(':', ': ', 1)}`"
+        return suggest_name(key, cls.own_keys_first(), "keys")
