@@ -197,7 +197,8 @@ def test_all_that_is_wrong_is_told_at_once(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text(
         "camera: {type: pinhole, fov: 30, look_from: [1, 2]}\nfilm: {width: 0, heigth: 30}\nobjects:\n"
-        "  - {type: sphere, center: [0, 0], radius: big}\n  - {type: sphere, center: [0, 1, 2], radius: 1}\n  - {type: cube}\n"
+        "  - {type: sphere, center: [0, 0], radius: big}\n  - {type: sphere, center: [0, 1, 2], radius: 1}\n"
+        "  - {type: cube}\n"
     )
     with pytest.raises(SceneError) as caught:
         load(path)
