@@ -15,11 +15,11 @@ from raytracer.cli.base.app import main as run_command
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.layout import extract_light_field
 from raytracer.film.light_field.lf import write
-from raytracer.film.srgb import to_uint8
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.lightfield.views.synthesis import view_at
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
+from raytracer.util.srgb import to_uint8
 
 
 def _rendered(name: str, keys: Mapping[str, Any], spp: int) -> LightField:

@@ -19,11 +19,11 @@ from PIL import Image, ImageDraw, ImageFont
 from raytracer.analysis.sweep.contact_sheet import SHEET
 from raytracer.analysis.sweep.run import sweep
 from raytracer.cli.base.app import main as run_command
-from raytracer.film.srgb import to_uint8
 from raytracer.optics.sensor_formats import SENSORS
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
+from raytracer.util.srgb import to_uint8
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))

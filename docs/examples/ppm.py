@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film import srgb
 from raytracer.film.formats.base.image_format import ImageFormat, Layers, check_size
+from raytracer.util import srgb
 from raytracer.util.safe_open import BrokenFileError
 
 if TYPE_CHECKING:

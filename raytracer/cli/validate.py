@@ -24,8 +24,8 @@ def validate(
 ) -> None:
     """Check scene files, and the files that they name.
 
-    What is wrong is named by file, line and key, one line a file; the exit status is then 2.  What one may doubt is a
-    warning (docs/warnings.md).
+    What is wrong is named by file, line and key, in at most ten lines a file; the exit status is then 2.  What one may
+    doubt is a warning (docs/warnings.md).
     """
     from raytracer.scene.load import load
     from raytracer.scene.pack.scene import pack
@@ -37,7 +37,8 @@ def validate(
             sentences = warning_messages(find_warnings(pack(load(scene, allow_files=allow_files or []))))
         except InputError as error:
             wrong = True
-            say(str(error))
+            for one in (error, *getattr(error, "others", ())):
+                say(str(one))
             continue
         for sentence in sentences:
             say(f"{'' if strict else 'warning: '}{sentence}")

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from raytracer.film import srgb
 from raytracer.film.formats.png import encode_png
 from raytracer.film.image_file import save
 from raytracer.film.light_field.layout import Layout
+from raytracer.util import srgb
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film import srgb
 from raytracer.film.light_field.field import LightField
 from raytracer.report.lettering import load_font
 from raytracer.report.palette import INK, PAPER
+from raytracer.util import srgb
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:

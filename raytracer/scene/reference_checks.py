@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from PIL import ImageColor
+
 from raytracer.plugins.textures.base.interface import is_name, textures_of
 from raytracer.schema.spec import Spec, field_error
 from raytracer.schema.yaml_nodes import KeyPath, path_text
@@ -28,9 +30,8 @@ def check_references(scene: "SceneSpec") -> None:
     """
     for name in scene.textures:
         if not is_name(name):
-            field_error(
-                ("textures", name), "a texture's name must not begin as a number does, or would be taken for one"
-            )
+            sentence = "a texture's name must not begin as a number does, nor with #, or would be taken for a value"
+            field_error(("textures", name), sentence)
     for name, material in scene.materials.items():
         _check_parts(scene, material, "materials", name)
     _check_loops(scene)
@@ -78,7 +79,10 @@ def _check_known(noun: str, name: str | None, known: Mapping[str, Any], *keys: s
     """Reject a name of something that does not exist; None names nothing."""
     if name is not None and name not in known:
         nouns = "media" if noun == "medium" else f"{noun}s"
-        field_error(keys, f"unknown {noun} {format_value(name)}; {suggest_name(name, known, nouns)}")
+        hint = suggest_name(name, known, nouns)
+        if noun == "texture" and isinstance(written := ImageColor.colormap.get(name.lower()), str):
+            hint = f"the colour is written '{written}'"
+        field_error(keys, f"unknown {noun} {format_value(name)}; {hint}")
 
 
 def _check_parts(scene: "SceneSpec", material: Any, *keys: str | int) -> None:

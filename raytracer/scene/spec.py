@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Required, TypeAlias, TypedDict, Unpack
 
-from pydantic import BeforeValidator, FailFast, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import BeforeValidator, FailFast, Field, PrivateAttr, ValidationError, WrapValidator, model_validator
 
 from raytracer.optics.to_yaml import spec_to_plain, to_yaml
 from raytracer.report.wording import count
@@ -17,7 +17,7 @@ from raytracer.scene.reference_checks import check_references
 from raytracer.scene.render_settings import Film, Render
 from raytracer.scene.validation import build_scene, to_builtins
 from raytracer.schema.fields import Name
-from raytracer.schema.spec import Spec, field_error
+from raytracer.schema.spec import Spec, field_error, first_errors
 from raytracer.schema.validation_errors import error_at, error_sentence
 from raytracer.schema.yaml_nodes import KeyPath, Node, locate
 from raytracer.util.atomic_write import check_file, write_bytes
@@ -27,6 +27,7 @@ from raytracer.util.path_sandbox import PathSandbox
 _SUFFIXES = (".yaml", ".yml")
 
 
+_FIRST_ERRORS = (FailFast(), WrapValidator(first_errors))
 # Lists of YAML become tuples, since specs are immutable.
 _TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 
@@ -87,13 +88,14 @@ class SceneSpec(_FromCode):
     medium: Name | None = Field(
         default=None, description="Name of the medium that fills the whole scene, outside of objects; none by default"
     )
-    groups: dict[Name, Annotated[tuple[Shape, ...], FailFast(), _TUPLE]] = Field(
+    groups: dict[Name, Annotated[tuple[Shape, ...], *_FIRST_ERRORS, _TUPLE]] = Field(
         default_factory=dict,
         description="Objects that are only where an `instance` or a `scatter` places them, by the names of groups",
     )
-    # FailFast: the first wrong object is reported, not each of a million.
-    objects: Annotated[tuple[Shape, ...], FailFast()] = Field(default=(), description="The objects")
-    lights: Annotated[tuple[Light, ...], FailFast()] = Field(default=(), description="Lights besides emitting objects")
+    objects: Annotated[tuple[Shape, ...], *_FIRST_ERRORS] = Field(default=(), description="The objects")
+    lights: Annotated[tuple[Light, ...], *_FIRST_ERRORS] = Field(
+        default=(), description="Lights besides emitting objects"
+    )
 
     if TYPE_CHECKING:
 

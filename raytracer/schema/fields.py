@@ -5,8 +5,9 @@ A type names the dimension of its key: a `Length` is given in metres or with a u
 """
 
 import math
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, TypeAlias
@@ -17,6 +18,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from raytracer.schema.spec import Spec, field_error
 from raytracer.schema.units import Dimension, parse_quantity, quantity_pattern, unit_of
+from raytracer.util import srgb
 from raytracer.util.errors import format_value
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -184,6 +186,26 @@ def list_schema(component: Quantity, length: int, *, single: bool) -> JsonSchema
     return result | ({"x-unit": unit} if unit else {})
 
 
+_HEX_COLOR = re.compile(r"#(?:[0-9a-fA-F]{3}){1,2}")
+
+
+def is_hex_color(value: Any) -> bool:
+    """Tell if a value is a colour as in HTML: `#b46450`, or `#fff` for `#ffffff`."""
+    return isinstance(value, str) and _HEX_COLOR.fullmatch(value) is not None
+
+
+def linear_color(text: str) -> Vector:
+    """Convert a colour as in HTML, which is sRGB, to linear Rec. 709."""
+    digits = text[1:] if len(text) == 7 else "".join(2 * digit for digit in text[1:])
+    red, green, blue = srgb.decode([int(digits[at : at + 2], 16) / 255.0 for at in (0, 2, 4)]).tolist()
+    return red, green, blue
+
+
+def _is_of_bytes(values: Sequence[Any]) -> bool:
+    """Tell if three values look like a colour of 0 to 255."""
+    return all(type(x) is int and 0 <= x <= 255 for x in values) and max(values) > 1
+
+
 @dataclass(frozen=True)
 class Triple(Check):
     """Annotation of a field of three numbers, each checked by `component`."""
@@ -192,13 +214,20 @@ class Triple(Check):
     noun: str
     single: bool = False
     """True if one number may stand for three equal ones."""
+    color: bool = False
+    """True if `'#rrggbb'`, in sRGB, may stand for three linear ones."""
     nonzero: bool = False
     """True if not all three may be zero."""
 
     def __call__(self, value: Any) -> Vector:
+        if self.color and is_hex_color(value):
+            value = linear_color(value)
         if isinstance(value, list | tuple):
             if len(value) != 3:
                 raise ValueError(f"must be {self._wanted()}, got {format_value(value)}")
+            if self.color and self.component.high == 1.0 and _is_of_bytes(value):
+                written = "".join(f"{number:02x}" for number in value)
+                raise ValueError(f"must be of at most 1, got {max(value)}; did you mean '#{written}', in sRGB?")
             x, y, z = value
             check = self._component
             result = (check_item(x, check, (0,)), check_item(y, check, (1,)), check_item(z, check, (2,)))
@@ -218,10 +247,15 @@ class Triple(Check):
         return replace(self.component, tiny=not (self.component.nonzero or self.component.low_open))
 
     def _wanted(self) -> str:
-        return f"{self.noun} of three numbers" + (" (or one number for all three)" if self.single else "")
+        return f"{self.noun} of three numbers" + (
+            " (or one for all three, or '#rrggbb' in sRGB)" if self.single else ""
+        )
 
     def json_schema(self) -> JsonSchemaValue:
-        return list_schema(self.component, 3, single=self.single)
+        result = list_schema(self.component, 3, single=self.single)
+        if self.color:
+            result["anyOf"] = [*result["anyOf"], {"type": "string", "pattern": f"^{_HEX_COLOR.pattern}$"}]
+        return result
 
 
 @dataclass(frozen=True)
@@ -248,9 +282,9 @@ Extent: TypeAlias = Annotated[tuple[float, float], Pair(Quantity("length", low=0
 Point: TypeAlias = Annotated[Vector, Triple(Quantity("length"), "a point")]
 Displacement: TypeAlias = Annotated[Vector, Triple(Quantity("length"), "a vector", nonzero=True)]
 Direction: TypeAlias = Annotated[Vector, Triple(Quantity(), "a direction", nonzero=True)]
-Color: TypeAlias = Annotated[Vector, Triple(Quantity(low=0.0), "a colour", single=True)]
-Radiance: TypeAlias = Annotated[Vector, Triple(Quantity(low=0.0), "a radiance", single=True)]
-Albedo: TypeAlias = Annotated[Vector, Triple(Quantity(low=0.0, high=1.0), "an albedo", single=True)]
+Color: TypeAlias = Annotated[Vector, Triple(Quantity(low=0.0), "a colour", single=True, color=True)]
+Radiance: TypeAlias = Annotated[Vector, Triple(Quantity(low=0.0), "a radiance", single=True, color=True)]
+Albedo: TypeAlias = Annotated[Vector, Triple(Quantity(low=0.0, high=1.0), "an albedo", single=True, color=True)]
 
 
 # ---- Names

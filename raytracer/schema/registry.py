@@ -148,7 +148,12 @@ class Family:
             return value
         if not isinstance(value, Mapping):
             known = ", ".join(self.specs())
-            raise ValueError(f"must be a mapping with a type ({known}), got {format_value(value)}")  # noqa: TRY004
+            message = f"must be a mapping with a type ({known}), got {format_value(value)}"
+            if self._find(value) is not None:
+                message += f"; did you mean {{type: {value}}}?"
+            elif isinstance(value, str) and (reading := self._reading_files()):
+                message += f"; a file is named by {{type: {reading[0]}, file: {value}}}"
+            raise ValueError(message)  # noqa: TRY004
         if "type" not in value:
             raise ValueError(f"needs a type, one of {', '.join(self.specs())}")
         name = value["type"]
@@ -156,6 +161,10 @@ class Family:
             close = suggest_name(str(name), self.specs(), "types")
             field_error("type", f"unknown type of {self.noun} {format_value(name)}; {close}")
         return value
+
+    def _reading_files(self) -> list[str]:
+        """Return the kinds that take a file."""
+        return [name for name, spec in self.specs().items() if "file" in spec.model_fields]
 
     def _find(self, name: object) -> Any:
         """Return the kind of a type name; None if there is no such kind."""

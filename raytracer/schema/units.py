@@ -188,7 +188,7 @@ def _to_float(value: float) -> float:
 def _parse_text(text: str, dimension: Dimension) -> float:
     match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
     if not match:
-        raise ValueError(f"must be {_wanted(dimension)}, got {format_value(text)}")
+        raise ValueError(f"must be {_wanted(dimension)}, got {format_value(text)}{_hint(text)}")
     numerator, denominator, unit = match.groups()
 
     # Read the number or fraction.
@@ -205,6 +205,19 @@ def _parse_text(text: str, dimension: Dimension) -> float:
         raise ValueError(_wrong_unit(unit, dimension))
     factor, divisor = _DIMENSIONS[dimension].units[unit]
     return result * factor / divisor
+
+
+_WRITTEN_OTHERWISE = {
+    re.compile(rf"\s*[fF]\s*/\s*({_NUMBER})\s*"): "; an f-number is written `f_number: {}`",
+    re.compile(rf"\s*({_NUMBER})\s*%\s*"): "; a share is written as a number, {}/100",
+    re.compile(r"\s*([-+]?[0-9]+,[0-9]+)\s*"): "; the decimal point is a point, not a comma",
+}
+
+
+def _hint(text: str) -> str:
+    """Tell how to write what is written as photographers or other languages do; empty for anything else."""
+    found = ((pattern.fullmatch(text[:_LONGEST]), words) for pattern, words in _WRITTEN_OTHERWISE.items())
+    return next((words.format(match[1]) for match, words in found if match), "")
 
 
 def _wrong_unit(unit: str, dimension: Dimension) -> str:

@@ -11,6 +11,8 @@ from raytracer.util.errors import SceneError, format_value, suggest_name
 _MAX_ERRORS_SORTED = 200
 """Errors that are sorted by their line: to sort them takes time in proportion to the square of their number."""
 
+_MAX_ERRORS_TOLD = 10
+
 
 def error_sentence(error: ErrorDetails) -> str:
     """Translate one of pydantic's errors to the words of YAML: the end of a sentence that begins with the path."""
@@ -64,7 +66,10 @@ def error_at(message: str, keys: KeyPath, root: Node | None, file: str | None, *
 
 
 def first_error(error: ValidationError, root: Node | None, file: str | None) -> SceneError:
-    """Return the error that stands first in the document, of the first `_MAX_ERRORS_SORTED` that pydantic lists."""
+    """Return the error that stands first in the document, and as its `others` the next of it.
+
+    Of the first `_MAX_ERRORS_SORTED` that pydantic lists.
+    """
     items = error.errors(include_url=False)[:_MAX_ERRORS_SORTED]
     # pydantic counts only the right items of a list, so a list with a wrong item may seem too short as well.
     wrong = [
@@ -73,7 +78,13 @@ def first_error(error: ValidationError, root: Node | None, file: str | None) -> 
         if item["type"] != "too_short" or not any(_is_below(other["loc"], item["loc"]) for other in items)
     ]
     errors = [error_at(error_sentence(item), item["loc"], root, file) for item in wrong]
-    return min(errors, key=lambda item: (item.source is None, item.line or 0))
+    # A value of which several things could be made has an error of each.
+    by_place: dict[object, SceneError] = {}
+    for item in errors:
+        by_place.setdefault((item.source, item.line, item.key), item)
+    first, *others = sorted(by_place.values(), key=lambda item: (item.source is None, item.line or 0))
+    first.others = others[: _MAX_ERRORS_TOLD - 1]
+    return first
 
 
 def _is_below(path: KeyPath, above: KeyPath) -> bool:

@@ -6,6 +6,8 @@ strings, `inf` and `.inf` are infinite; tags, duplicate keys, several documents 
 References: YAML Ain't Markup Language 1.2.2, section 10.3 (core schema); https://yaml.org/type/merge.html
 """
 
+import io
+import itertools
 import math
 import re
 import sys
@@ -16,7 +18,7 @@ from typing import Any
 import yaml
 
 from raytracer.schema.yaml_nodes import MAX_DEPTH, MAX_DIGITS, Node, SourceLocation, collection
-from raytracer.util.errors import SceneError, format_value, suggest_name
+from raytracer.util.errors import SceneError, closest_name, format_value, suggest_name
 from raytracer.util.safe_open import open_regular
 
 MAX_BYTES = 64 * 2**20
@@ -58,6 +60,7 @@ class _Composer:
     """Composer of the tree of nodes from the parser's events."""
 
     def __init__(self, text: str, file: str, option: str | None) -> None:
+        self._text_given = text
         self._file = file
         self._option = option
         try:
@@ -91,12 +94,18 @@ class _Composer:
             return self._parser.get_event()
         except yaml.MarkedYAMLError as error:
             line = error.problem_mark.line + 1 if error.problem_mark else 1
-            raise SceneError(_syntax(error, line), file=self._file, line=line, source=self._option) from None
+            hint = "; a space goes after the dash of a list" if self._has_tight_dash(line) else ""
+            raise SceneError(_syntax(error, line) + hint, file=self._file, line=line, source=self._option) from None
         except yaml.reader.ReaderError as error:
             given = error.character
             character = chr(given) if isinstance(given, int) else given
             message = f"holds the control character {character!r}"
             raise SceneError(message, file=self._file or None, source=self._option) from None
+
+    def _has_tight_dash(self, line: int) -> bool:
+        """Tell if a line, or the one before, begins with a dash and no space."""
+        lines = itertools.islice(io.StringIO(self._text_given), max(line - 2, 0), line)
+        return any(re.match(r"\s*-[\w{\[\"']", text) for text in lines)
 
     def _place(self, event: Any) -> SourceLocation:
         # Nodes on one line share their location, which saves half of all objects.
@@ -226,7 +235,8 @@ def read(file: str, noun: str = "scene") -> str:
         with open_regular(named, sys.maxsize) if named.suffix else named.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise SceneError("no such file", file=file) from None
+        hint = f"; did you mean {meant}?" if (meant := _near_file(named, noun)) else ""
+        raise SceneError(f"no such file{hint}", file=file) from None
     except IsADirectoryError:
         raise SceneError(f"is a folder, not a {noun} file", file=file) from None
     except (OSError, ValueError) as error:
@@ -241,3 +251,13 @@ def read(file: str, noun: str = "scene") -> str:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise SceneError(f"is not UTF-8 text (byte {data[error.start]:#04x})", file=file, line=line) from None
+
+
+def _near_file(missing: Path, noun: str) -> Path | None:
+    """Find the file that a name was probably meant for: with its suffix, in the folder of its kind, or spelt alike."""
+    for folder in (missing.parent, Path(f"{noun}s") / missing.parent):
+        for name in (missing.name, f"{missing.name}.yaml", f"{missing.stem}.yaml"):
+            if (folder / name).is_file():
+                return folder / name
+    close = closest_name(missing.name, (found.name for found in missing.parent.glob("*.yaml")))
+    return missing.parent / close if close else None

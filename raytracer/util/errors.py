@@ -5,6 +5,8 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from raytracer.util.other_names import EXPLAINED, name_here
+
 _NAMES_LISTED = 16
 _MAX_TEXT = 40
 
@@ -22,8 +24,11 @@ class InputError(Exception):
 class SceneError(InputError):
     """A wrong scene file: the place (`file`, `line` from 1, `key` as a path) and a message.
 
-    `file` and `line` are None where the value came from the command line; `source` then names the option.
+    `file` and `line` are None where the value came from the command line; `source` then names the option.  `others`
+    are what else was found wrong in the same file.
     """
+
+    others: Sequence["SceneError"] = ()
 
     def __init__(
         self,
@@ -86,10 +91,12 @@ def closest_name(name: str, known: Iterable[str]) -> str | None:
 
 
 def suggest_name(name: str, known: Iterable[str], noun: str) -> str:
-    """End a sentence about an unknown `name`: with the nearest known name, or with all if none comes near."""
+    """End a sentence about an unknown `name`: with what it is called here, or the nearest known name, or with all."""
     names = list(known)
-    if close := closest_name(name, names):
+    if close := name_here(name, names) or closest_name(name, names):
         return f"did you mean {close!r}?"
+    if name in EXPLAINED:
+        return EXPLAINED[name]
     if not names:
         return f"there are no {noun}"
     listed = ", ".join(map(abbreviate, names[:_NAMES_LISTED])) + (", ..." if len(names) > _NAMES_LISTED else "")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from raytracer.cli.base.app import main
-from raytracer.film import Image, load, load_layers, srgb
+from raytracer.film import Image, load, load_layers
 from raytracer.film.exposure import CropWindow, luminance
 from raytracer.film.photograph import DevelopSettings, check_develop_settings, develop_photograph
 from raytracer.film.tone import Filmic, ToneCurveSpec
@@ -19,6 +19,7 @@ from raytracer.optics.thin_lens import ExposureSettings, Metering
 from raytracer.rendering.render import render
 from raytracer.scene.load import build
 from raytracer.scene.pack.scene import pack
+from raytracer.util import srgb
 from raytracer.util.errors import InputError
 
 WIDTH, HEIGHT = 48, 32

@@ -5,8 +5,9 @@ import PIL.Image
 import pytest
 from pydantic import ValidationError
 
-from raytracer.film import Image, load, srgb
+from raytracer.film import Image, load
 from raytracer.film.tone import Filmic, ToneCurveSpec
+from raytracer.util import srgb
 
 WHITES = [1.0, 2.0, 4.0, 16.0, 1e6]
 

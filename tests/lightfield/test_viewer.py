@@ -11,13 +11,13 @@ import PIL.Image
 import pytest
 from scipy import ndimage
 
-from raytracer.film import srgb
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField, Rays
 from raytracer.film.light_field.views import Plane, Views
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.lightfield.viewer.page import page as page_of
 from raytracer.lightfield.viewer.page import write_page
+from raytracer.util import srgb
 from tests.browser import WEBGL
 from tests.lightfield.analytic import Surface, light_field, views, waves
 from tests.lightfield.test_looking_commands import run

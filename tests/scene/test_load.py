@@ -191,3 +191,20 @@ def test_any_value_anywhere_is_taken_or_refused_in_one_sentence(path, value):
 @given(start=st.integers(0, len(EVERYWHERE)), length=st.integers(0, 9), new=TEXTS)
 def test_any_damage_to_the_text_is_survived_or_refused_in_one_sentence(start, length, new):
     one_sentence_or_a_scene(EVERYWHERE[:start] + new + EVERYWHERE[start + length :])
+
+
+def test_all_that_is_wrong_is_told_at_once(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "camera: {type: pinhole, fov: 30, look_from: [1, 2]}\nfilm: {width: 0, heigth: 30}\nobjects:\n"
+        "  - {type: sphere, center: [0, 0], radius: big}\n  - {type: sphere, center: [0, 1, 2], radius: 1}\n"
+        "  - {type: cube}\n"
+    )
+    with pytest.raises(SceneError) as caught:
+        load(path)
+    told = [(one.line, one.key) for one in (caught.value, *caught.value.others)]
+    assert told[0][0] == 1
+    assert set(told) == {
+        (1, "camera.fov"), (1, "camera.look_from"), (2, "film.width"), (2, "film.heigth"),
+        (4, "objects[0].center"), (4, "objects[0].radius"), (6, "objects[2].type"),
+    }  # fmt: skip

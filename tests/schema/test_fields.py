@@ -13,6 +13,7 @@ from raytracer.schema.fields import Albedo, Direction, Length, Point, PositiveLe
 from raytracer.schema.spec import field_error
 from raytracer.schema.transform import Transform, matrix_of
 from raytracer.schema.validation_errors import error_sentence
+from raytracer.util import srgb
 
 ANGLES = st.floats(-720.0, 720.0).filter(lambda angle: angle == 0.0 or abs(angle) >= 1e-30)
 COMPONENTS = st.floats(-1e3, 1e3)
@@ -84,6 +85,19 @@ def test_wrong_triple_is_told_by_component(field, value, place, words):
     found, message = complaint(field, value)
     assert found == place
     assert words in message
+
+
+@pytest.mark.parametrize("field", [Albedo, Radiance])
+def test_colours_of_html_are_srgb(field):
+    # IEC 61966-2-1: half of the encoded range is a fifth of the light.
+    assert checked(field, "#ffffff") == checked(field, "#fff") == (1.0, 1.0, 1.0)
+    assert checked(field, "#bc0a00") == pytest.approx((0.50289, 0.0030353, 0.0), rel=1e-4)
+    assert np.array_equal(checked(field, "#b46450"), srgb.decode(np.array([180, 100, 80]) / 255))
+    for wrong in ("#12345", "#gggggg", "ffffff", "#"):
+        with pytest.raises(ValidationError):
+            checked(field, wrong)
+    with pytest.raises(ValidationError):
+        checked(Point, "#ffffff")
 
 
 def test_steps_happen_in_the_order_written():

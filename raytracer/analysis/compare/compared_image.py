@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.film import srgb
 from raytracer.film.formats.registry import display_suffixes, image_formats
 from raytracer.film.image import Image
 from raytracer.film.image_file import load, load_encoded, load_layers
 from raytracer.film.white_balance import AUTO
+from raytracer.util import srgb
 from raytracer.util.errors import InputError
 
 Array = NDArray[np.float64]

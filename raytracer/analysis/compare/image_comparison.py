@@ -22,7 +22,7 @@ from raytracer.analysis.compare.metrics import (
 )
 from raytracer.analysis.compare.result import Comparison, NotFinite, verdict_sentence
 from raytracer.analysis.compare.z_test import Verdict, z_test
-from raytracer.film import srgb
+from raytracer.util import srgb
 from raytracer.util.errors import InputError, suggest_name
 
 ALPHA = 1e-3

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from raytracer.analysis.cost.results import ConvergencePoint, Prediction, Study
 from raytracer.core.error_estimate.intervals import Interval
-from raytracer.film import srgb
 from raytracer.film.exposure import luminance
 from raytracer.report import wording
 from raytracer.report.figure import (
@@ -29,6 +28,7 @@ from raytracer.report.figure import (
     to_svg,
 )
 from raytracer.report.palette import BLUE, GREEN, VERMILLION
+from raytracer.util import srgb
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from raytracer import __version__
 from raytracer.analysis.compare.difference_image import colour_scale, largest_channel
 from raytracer.analysis.regression.check import TILE, CheckResult
-from raytracer.film import srgb
 from raytracer.film.exposure import luminance
 from raytracer.film.image import Image
 from raytracer.report import page as html
 from raytracer.report.colour_maps import signed
+from raytracer.util import srgb
 
 _Z_SCALE = 6.0
 """Standard deviations at the strongest colour; noise exceeds them in one pixel of 5e8."""

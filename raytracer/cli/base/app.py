@@ -166,11 +166,12 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
     except TyperException as error:
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "rt"
-        return _fail(error.exit_code, f"{_plain(error.format_message())} (see '{command} --help')")
+        hint = _hint(call.words)
+        return _fail(error.exit_code, f"{_plain(error.format_message())}{hint} (see '{command} --help')")
     except StrictError as error:
         return max(_fail(WRONG_INPUT, sentence) for sentence in error.sentences)
     except InputError as error:
-        return _fail(WRONG_INPUT, str(error))
+        return max(_fail(WRONG_INPUT, str(one)) for one in (error, *getattr(error, "others", ())))
     except OutputError as error:
         return _fail(FAILED, str(error))
     except Interrupted:
@@ -191,6 +192,30 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
         )
     # A signal that did not end the command must still end a script that it is part of.
     return int(status or 0) if WATCH.signal_number is None else WATCH.status
+
+
+_OTHER_OPTIONS = {
+    "--samples": "--spp",
+    "--resolution": "-D film.width=... -D film.height=...",
+    "--out": "--output",
+    "--define": "-D",
+    "--jobs": "--threads",
+    "--cores": "--threads",
+    "--verbose": "--stats",
+}
+"""Options here by options elsewhere."""
+
+
+def _hint(words: Sequence[str]) -> str:
+    """Tell what was probably meant by a command line that is wrong; empty if nothing comes to mind."""
+    if words and words[0].endswith((".yaml", ".yml")):
+        return f"; did you mean 'rt render {words[0]}'?"
+    for word in words:
+        if word.count("[") > word.count("]"):
+            return "; a value with spaces is quoted: -D 'camera.look_from=[1, 2, 3]'"
+        if here := _OTHER_OPTIONS.get(word.partition("=")[0]):
+            return f"; did you mean {here}?"
+    return ""
 
 
 def _plain(message: str) -> str:

@@ -45,10 +45,10 @@ def move(
     path_radius = None if radius is None else options.parse_dimension("--radius", radius, "length")
     plane = parse_distance("--distance", distance)
 
-    from raytracer.film import srgb
     from raytracer.film.animation import check, encode
     from raytracer.lightfield.depth.depth_map import depth_map
     from raytracer.lightfield.views.camera_paths import PATHS, look_around, path_places
+    from raytracer.util import srgb
     from raytracer.util.atomic_write import write_bytes
     from raytracer.util.progress import Bar
 

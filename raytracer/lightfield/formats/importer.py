@@ -13,7 +13,7 @@ from typing import Any, Literal, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film import image_file, srgb
+from raytracer.film import image_file
 from raytracer.film.formats import pfm
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.lazy_array import LazyArray
@@ -21,6 +21,7 @@ from raytracer.film.light_field.views import Views
 from raytracer.lightfield.formats import folders, geometry, hci
 from raytracer.lightfield.formats.folders import ViewFiles, list_images
 from raytracer.lightfield.formats.geometry import KnownGeometry, ViewOptics
+from raytracer.util import srgb
 from raytracer.util.errors import InputError
 from raytracer.util.safe_open import BrokenFileError, open_regular, read_npy_header, read_regular
 

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film import srgb
 from raytracer.film.light_field.field import LightField
 from raytracer.lightfield.coverage import lit_view
 from raytracer.lightfield.depth.depth_map import depth_map
@@ -28,6 +27,7 @@ from raytracer.lightfield.viewer.size_budget import (
 )
 from raytracer.report import page as html
 from raytracer.report.wording import megabytes
+from raytracer.util import srgb
 from raytracer.util.atomic_write import write_bytes
 from raytracer.util.errors import InputError
 from raytracer.util.progress import Update

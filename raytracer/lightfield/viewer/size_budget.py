@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film import srgb
 from raytracer.film.light_field.field import LightField
 from raytracer.lightfield.coverage import lit_view
 from raytracer.report import page as html
+from raytracer.util import srgb
 
 _SHARE = 0.8
 """Share of the 8-bit codes that holds light up to white, where some is brighter."""

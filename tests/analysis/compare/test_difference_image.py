@@ -12,9 +12,9 @@ import pytest
 from raytracer.analysis import compare as comparison
 from raytracer.analysis.compare import compare, encode, show
 from raytracer.analysis.compare.difference_image import WipePage, pack_halves
-from raytracer.film import srgb
 from raytracer.film.image import Image
 from raytracer.report.colour_maps import false_colour, false_colours, signed, signed_colours
+from raytracer.util import srgb
 from raytracer.util.errors import InputError
 
 HEIGHT, WIDTH = 20, 30

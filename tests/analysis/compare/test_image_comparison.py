@@ -8,9 +8,9 @@ import pytest
 
 from raytracer.analysis import compare as comparison
 from raytracer.analysis.compare import compare, encode
-from raytracer.film import srgb
 from raytracer.film.image import Image
 from raytracer.film.image_file import save
+from raytracer.util import srgb
 from raytracer.util.errors import InputError
 
 SHAPE = (24, 32, 3)

@@ -5,9 +5,10 @@ import OpenEXR
 import PIL.Image
 import pytest
 
-from raytracer.film import Image, load, load_layers, save, srgb
+from raytracer.film import Image, load, load_layers, save
 from raytracer.film.formats import pfm
 from raytracer.film.image_file import load_encoded
+from raytracer.util import srgb
 from raytracer.util.errors import InputError, OutputError
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytracer.film import srgb
+from raytracer.util import srgb
 from tests.plugins.textures.kernels import looked_up, picture, slopes, spec_of, table_of
 
 RAMP = np.array([[0.1, 0.4, 0.3], [0.8, 0.2, 0.9]])

@@ -7,9 +7,9 @@ import OpenEXR
 import PIL.Image
 import pytest
 
-from raytracer.film import srgb
 from raytracer.film.formats import hdr
 from raytracer.scene.assets.images import decode_image
+from raytracer.util import srgb
 from tests.fuzz.targets._parts import npy
 
 BYTES = np.random.default_rng(1).integers(0, 256, (3, 5, 4), dtype=np.uint8)

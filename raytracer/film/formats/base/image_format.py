@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film import srgb
+from raytracer.util import srgb
 from raytracer.util.errors import InputError
 from raytracer.util.safe_open import BrokenFileError
 

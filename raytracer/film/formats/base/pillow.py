@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film import srgb
 from raytracer.film.formats.base.image_format import StoredImage, check_size
+from raytracer.util import srgb
 from raytracer.util.safe_open import BrokenFileError
 
 if TYPE_CHECKING:

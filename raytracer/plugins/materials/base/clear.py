@@ -15,7 +15,9 @@ from raytracer.plugins.materials.base.interface import BLACK, InteriorMedium, Ma
 from raytracer.schema.fields import Color, Count, PositiveLength, Quantity, Triple, Vector
 from raytracer.schema.rules import never, together
 
-_Attenuation: TypeAlias = Annotated[Vector, Triple(Quantity(low=0.0, low_open=True, high=1.0), "a colour", single=True)]
+_Attenuation: TypeAlias = Annotated[
+    Vector, Triple(Quantity(low=0.0, low_open=True, high=1.0), "a colour", single=True, color=True)
+]
 
 
 class ClearSpec(MaterialSpec):

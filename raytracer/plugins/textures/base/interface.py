@@ -73,8 +73,8 @@ class TextureSpec(Spec):
 
 
 def is_name(value: Any) -> bool:
-    """Tell if a field's value is a name and not a number: it does not begin as a number does."""
-    return isinstance(value, str) and value.strip()[:1] not in tuple("+-.0123456789") and not _is_quantity(value)
+    """Tell if a field's value is a name and not a number: it does not begin as a number or `#rrggbb` does."""
+    return isinstance(value, str) and value.strip()[:1] not in tuple("#+-.0123456789") and not _is_quantity(value)
 
 
 def _is_quantity(text: str) -> bool:
@@ -133,10 +133,11 @@ class Texturable(Check):
 
 OptionalTexture: TypeAlias = Annotated[str | TextureSpec | None, Texturable(None, data=True)]
 TexturedRadiance: TypeAlias = Annotated[
-    Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0), "a radiance", single=True), data=False)
+    Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0), "a radiance", single=True, color=True), data=False)
 ]
 TexturedAlbedo: TypeAlias = Annotated[
-    Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0, high=1.0), "an albedo", single=True), data=False)
+    Vector | str | TextureSpec,
+    Texturable(Triple(Quantity(low=0.0, high=1.0), "an albedo", single=True, color=True), data=False),
 ]
 TexturedFraction: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(low=0.0, high=1.0), data=True)]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytracer.film import srgb
+from raytracer.util import srgb
 
 
 @pytest.mark.parametrize(
