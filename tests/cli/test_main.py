@@ -70,9 +70,10 @@ def test_validate_names_the_right_and_every_wrong_file(here, rt):
     Path("dark.yaml").write_text(SCENE + BALL + "lights: [{type: flash, energy: 1}]\n")
     captured = rt("validate bad.yaml good.yaml worse.yaml dark.yaml", status=2)
     assert captured.out == "good.yaml: valid\n"
-    first, second, third = captured.err.splitlines()
+    first, other, second, third = captured.err.splitlines()
     assert first.startswith("rt: bad.yaml:1: camera.vfv: unknown key 'vfv'")
-    assert second == "rt: worse.yaml: no such file"
+    assert other.startswith("rt: bad.yaml:2: film.widht: unknown key 'widht'")
+    assert second == "rt: worse.yaml: no such file; did you mean good.yaml?"
     assert third.startswith("rt: dark.yaml:")
     assert "shutter" in third
     assert rt("validate --quiet good.yaml").out == ""

@@ -171,7 +171,8 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
     except StrictError as error:
         return max(_fail(WRONG_INPUT, sentence) for sentence in error.sentences)
     except InputError as error:
-        return max(_fail(WRONG_INPUT, str(one)) for one in (error, *getattr(error, "others", ())))
+        hint = _hint_of_spaces(call.words)
+        return max(_fail(WRONG_INPUT, f"{one}{hint}") for one in (error, *getattr(error, "others", ())))
     except OutputError as error:
         return _fail(FAILED, str(error))
     except Interrupted:
@@ -196,12 +197,11 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
 
 _OTHER_OPTIONS = {
     "--samples": "--spp",
-    "--resolution": "-D film.width=... -D film.height=...",
+    "--resolution": "--size 640x360",
     "--out": "--output",
     "--define": "-D",
     "--jobs": "--threads",
     "--cores": "--threads",
-    "--verbose": "--stats",
 }
 """Options here by options elsewhere."""
 
@@ -210,12 +210,18 @@ def _hint(words: Sequence[str]) -> str:
     """Tell what was probably meant by a command line that is wrong; empty if nothing comes to mind."""
     if words and words[0].endswith((".yaml", ".yml")):
         return f"; did you mean 'rt render {words[0]}'?"
+    if spaces := _hint_of_spaces(words):
+        return spaces
     for word in words:
-        if word.count("[") > word.count("]"):
-            return "; a value with spaces is quoted: -D 'camera.look_from=[1, 2, 3]'"
         if here := _OTHER_OPTIONS.get(word.partition("=")[0]):
             return f"; did you mean {here}?"
     return ""
+
+
+def _hint_of_spaces(words: Sequence[str]) -> str:
+    """Tell that the shell has parted a value, if it has; empty otherwise."""
+    is_parted = any(word.count("[") > word.count("]") for word in words)
+    return "; a value with spaces is quoted: -D 'camera.look_from=[1, 2, 3]'" if is_parted else ""
 
 
 def _plain(message: str) -> str:
