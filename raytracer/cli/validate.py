@@ -6,8 +6,9 @@ import typer
 from typer import Argument, Option
 
 from raytracer.cli.base import options
-from raytracer.cli.base.outputs import say
+from raytracer.cli.base.outputs import warn
 from raytracer.util.errors import InputError
+from raytracer.util.terminal import print_error
 
 EXAMPLE = """\b
 Example:
@@ -38,10 +39,10 @@ def validate(
         except InputError as error:
             wrong = True
             for one in (error, *getattr(error, "others", ())):
-                say(str(one))
+                print_error(str(one))
             continue
         for sentence in sentences:
-            say(f"{'' if strict else 'warning: '}{sentence}")
+            (print_error if strict else warn)(sentence)
         if sentences and strict:
             wrong = True
         elif not quiet:

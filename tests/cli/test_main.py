@@ -59,6 +59,17 @@ def test_every_command_shows_an_example(command, rt):
     assert f"  rt {command.removesuffix(' report')} " in f"{output} "
 
 
+@pytest.mark.parametrize("group", ["", "lightfield "])
+def test_lists_of_commands_hold_whole_sentences(group, rt):
+    listed = " ".join(rt(f"{group}--help").out.split("Commands:")[1].split())
+    inside = typer.main.get_command(cli.application())
+    below = inside.commands[group.strip()] if group else inside
+    for name, command in below.commands.items():
+        assert f"{name} {command.short_help}" in listed
+        assert command.short_help.endswith(".")
+    assert "..." not in listed
+
+
 def test_version_is_printed(rt):
     assert rt("--version").out == f"rt {raytracer.__version__}\n"
 

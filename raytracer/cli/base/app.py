@@ -9,6 +9,7 @@ import gc
 import importlib
 import os
 import pkgutil
+import re
 import sys
 import time
 import traceback
@@ -25,6 +26,7 @@ import raytracer.cli
 from raytracer.cli.base.options import Invocation
 from raytracer.util.errors import InputError, Interrupted, OutputError, StrictError, one_line
 from raytracer.util.signals import WATCH, defer_interrupt
+from raytracer.util.terminal import YELLOW, paint, print_error
 
 FAILED = 1
 WRONG_INPUT = 2
@@ -77,9 +79,14 @@ def add_commands(app: typer.Typer, package: ModuleType, command: str | None = No
         module = importlib.import_module(f"{package.__name__}.{name}")
         added, word = getattr(module, name), name.rstrip("_").replace("_", "-")
         if isinstance(added, typer.Typer):
-            app.add_typer(added, name=word)
+            app.add_typer(added, name=word, short_help=_summarize(added.info.help))
         else:
-            app.command(word, epilog=module.EXAMPLE)(added)
+            app.command(word, epilog=module.EXAMPLE, short_help=_summarize(added.__doc__))(added)
+
+
+def _summarize(text: str | None) -> str:
+    """Return the first sentence of a command's help, which Typer would cut to the width of a line."""
+    return f"{re.split(r'[.:](?: |$)', ' '.join((text or '').split()))[0]}."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -113,6 +120,9 @@ def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     print(f"rt: warning: {one_line(str(message))}", file=sys.stderr)
 
 
+_WARNING = "rt: warning:"
+
+
 class _FailsafeStream:
     """A stream that ignores failures to write: no render ends because its progress cannot be shown.
 
@@ -126,9 +136,10 @@ class _FailsafeStream:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write, if that is possible."""
+        """Write, if that is possible; a warning is yellow where there are colours."""
+        begin = _WARNING if text.startswith(_WARNING) else ""
         with contextlib.suppress(OSError):
-            self._stream.write(text)
+            self._stream.write((paint(begin, YELLOW, self._stream) if begin else "") + text.removeprefix(begin))
         return len(text)
 
     def flush(self) -> None:
@@ -235,5 +246,5 @@ def _fail(status: int, sentence: str, *, unexpected: bool = False) -> int:
     """Print an error, on one line."""
     if unexpected and os.environ.get("RT_TRACEBACK"):
         traceback.print_exc()
-    print(f"rt: {one_line(sentence)}", file=sys.stderr)
+    print_error(one_line(sentence))
     return status
