@@ -7,9 +7,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import (
     ResumeInfo,
@@ -66,7 +67,7 @@ _EXIT_SECONDS = 0.05
 @options.render_options(*OPTIONS)
 def render(
     context: typer.Context,
-    scenes: Annotated[list[str], Argument(metavar="SCENE...", help="Scene files; - for standard input.")],
+    scenes: Annotated[list[str], options.scene_argument("Scene files; - for standard input.")],
     *,
     output: Annotated[
         list[str] | None,
@@ -77,7 +78,13 @@ def render(
         ),
     ] = None,
     image_format: Annotated[
-        str | None, takes("SUFFIX", "Format of images that -o gives no name: png, exr, ...  Default: png.", "--format")
+        str | None,
+        takes(
+            "SUFFIX",
+            "Format of images that -o gives no name: png, exr, ...  Default: png.",
+            "--format",
+            autocompletion=complete_from("png", "jpg", "exr", "hdr", "npy", "lf"),
+        ),
     ] = None,
     no_clobber: Annotated[
         bool, Option("--no-clobber", help="Leave images that are there, and what would make them.")

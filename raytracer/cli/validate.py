@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import warn
@@ -18,7 +18,7 @@ Example:
 
 
 def validate(
-    scenes: Annotated[list[str], Argument(metavar="SCENE", help="Scene files.")],
+    scenes: Annotated[list[str], options.scene_argument("Scene files.")],
     allow_files: options.AllowFiles = None,
     strict: Annotated[bool, Option("--strict", help="Take warnings for errors.")] = False,
     quiet: Annotated[bool, Option("--quiet", "-q", help="Do not name the files that are right.")] = False,

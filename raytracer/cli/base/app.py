@@ -23,6 +23,7 @@ from typer import Option
 from typer.exceptions import TyperException
 
 import raytracer.cli
+from raytracer.cli.base.completion import VARIABLE, command_to_complete
 from raytracer.cli.base.options import Invocation
 from raytracer.util.errors import InputError, Interrupted, OutputError, StrictError, one_line
 from raytracer.util.signals import WATCH, defer_interrupt
@@ -165,7 +166,11 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
     call = Invocation(began, tuple(sys.argv[1:] if arguments is None else arguments))
     try:
         # The other commands are not imported: a tenth of a second.
-        app = application(next(iter(call.words), None))
+        app = application(next(iter(call.words), None) or command_to_complete(os.environ))
+        if VARIABLE in os.environ:
+            from typer.completion import completion_init  # type: ignore[attr-defined]
+
+            completion_init()
         status = app(arguments, prog_name="rt", standalone_mode=False, obj=call)
         if status == _TYPERS_INTERRUPTED:
             raise KeyboardInterrupt

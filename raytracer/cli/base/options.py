@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 from typer import Argument, Option
 
+from raytracer.cli.base.completion import complete_scene
 from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.scene.preview import EDGE, SPP
 from raytracer.schema.units import Dimension, parse_quantity
@@ -41,7 +42,12 @@ def output(metavar: str, text: str) -> Any:
     return takes(metavar, text, "--output", "-o")
 
 
-Scene = Annotated[str, Argument(metavar="SCENE", help="Scene file; - for standard input.")]
+def scene_argument(text: str) -> Any:
+    """Declare an argument that names a scene file, or several; `text` is its help."""
+    return Argument(metavar="SCENE", help=text, autocompletion=complete_scene)
+
+
+Scene = Annotated[str, scene_argument("Scene file; - for standard input.")]
 Define = Annotated[
     list[str] | None, takes("KEY=VALUE", "Override a key of the scene: camera.vfov=40.", "--define", "-D")
 ]

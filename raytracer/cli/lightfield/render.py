@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
@@ -44,7 +44,7 @@ Examples:
 )
 def render(
     context: typer.Context,
-    scene: Annotated[str, Argument(metavar="SCENE", help="Scene file, of a camera with many views.")],
+    scene: Annotated[str, options.scene_argument("Scene file, of a camera with many views.")],
     *,
     output: Annotated[Path, options.output("FILE.lf", "Light field to write.")],
     define: options.Define = None,
