@@ -12,7 +12,7 @@ import pytest
 PROGRAMS = {
     "bash": """eval "$(rt completion bash)"; COMP_WORDS=({words}); COMP_CWORD={place}
 _rt_completion rt; printf '%s\\n' "${{COMPREPLY[@]}}" """,
-    "zsh": """compdef() {{}}; _files() {{}}; _arguments() {{ print -rl -- "${{(@Q)${{(@f)${{1#*\\(\\(}}%))}}}}"; }}
+    "zsh": """compdef() {{}}; _files() {{}}; _arguments() {{ print -rl -- ${{(Q)${{(z)${{${{1#*\\(\\(}}%))}}}}}}; }}
 eval "$(rt completion zsh)"; words=({words}); CURRENT={place}+1; _rt_completion""",
     "fish": "rt completion fish | source; complete -C '{line}'",
 }
