@@ -64,11 +64,11 @@ def test_several_scenes_go_to_a_folder_and_what_is_there_stays(scenes, rt):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        ("a.yaml b.yaml -o a.png", "a.yaml and b.yaml would both be written to a.png; -o FOLDER/ takes many"),
+        ("a.yaml b.yaml -o a.png", "a.yaml and b.yaml would both be written to a.png; a folder, FOLDER/, takes many"),
         ("a.yaml a.yaml", "a.yaml is given twice"),
         ("a.yaml b.yaml --stats s.json", "--stats is for one scene, and here are 2"),
         ("a.yaml b.yaml --pixel 1,1 --debug", "--debug is for one scene, and here are 2"),
-        ("a.yaml -o a.png --format exr", "--format exr: -o a.png names the format itself"),
+        ("a.yaml -o a.png --format exr", "--format exr: a.png names the format itself"),
         ("a.yaml --size 640", "--size 640: must be width and height in pixels, such as 640x360"),
         ("a.yaml --scale 50", "--scale 50: must be below 20; did you mean 50%?"),
         ("a.yaml --scale half", "--scale half: must be a share of the scene's own size, such as 50% or 0.5"),

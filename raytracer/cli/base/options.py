@@ -116,11 +116,16 @@ class Sizing(NamedTuple):
     size: tuple[int, int] | None = None
     factor: float | None = None
 
+    def of(self, width: int, height: int) -> tuple[int, int]:
+        """Return the size of a picture that has width x height pixels by itself."""
+        if self.size is not None:
+            return self.size
+        factor = 1.0 if self.factor is None else self.factor
+        return max(1, round(factor * width)), max(1, round(factor * height))
+
     def apply(self, spec: "SceneSpec") -> "SceneSpec":
         """Give the film of a scene this size, if there is one."""
-        width, height = self.size or (spec.film.width, spec.film.height)
-        if self.factor is not None:
-            width, height = (max(1, round(self.factor * edge)) for edge in (width, height))
+        width, height = self.of(spec.film.width, spec.film.height)
         return spec if self == Sizing() else spec.replace({"film.width": width, "film.height": height})
 
 

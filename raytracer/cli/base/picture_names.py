@@ -33,7 +33,7 @@ def _name(scene: str, word: str, suffix: str | None) -> Path:
         stem = "stdin" if scene == "-" else Path(scene).stem
         return Path(word) / f"{stem}.{_plain(suffix or 'png')}"
     if suffix is not None:
-        raise InputError(f"--format {suffix}: -o {word} names the format itself")
+        raise InputError(f"--format {suffix}: {word} names the format itself")
     return Path(word)
 
 
@@ -52,4 +52,4 @@ def _check_different(named: Mapping[str, Sequence[Path]]) -> None:
         for path in paths:
             owner = owners.setdefault(path, scene)
             if owner != scene:
-                raise InputError(f"{owner} and {scene} would both be written to {path}; -o FOLDER/ takes many")
+                raise InputError(f"{owner} and {scene} would both be written to {path}; a folder, FOLDER/, takes many")
