@@ -24,6 +24,7 @@ from typer.exceptions import TyperException
 
 import raytracer.cli
 from raytracer.cli.base.completion import VARIABLE, command_to_complete
+from raytracer.cli.base.defaults import default_map
 from raytracer.cli.base.options import Invocation
 from raytracer.util.errors import InputError, Interrupted, OutputError, StrictError, one_line
 from raytracer.util.signals import WATCH, defer_interrupt
@@ -171,7 +172,8 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
             from typer.completion import completion_init  # type: ignore[attr-defined]
 
             completion_init()
-        status = app(arguments, prog_name="rt", standalone_mode=False, obj=call)
+        defaults = default_map(call.words, os.environ)
+        status = app(arguments, prog_name="rt", standalone_mode=False, obj=call, default_map=defaults)
         if status == _TYPERS_INTERRUPTED:
             raise KeyboardInterrupt
         try:
