@@ -121,14 +121,14 @@ def _show(result: "Study", as_json: bool) -> None:
 
         print(json_text(result), end="")
     else:
-        import os
         import shutil
 
         from raytracer.analysis.cost.text import study_text
+        from raytracer.util.terminal import has_color
 
         on_terminal = sys.stdout.isatty()
         width = shutil.get_terminal_size((_WIDTH, 24)).columns if on_terminal else _WIDTH
-        print(study_text(result, width=width, colour=on_terminal and "NO_COLOR" not in os.environ), end="")
+        print(study_text(result, width=width, colour=has_color(sys.stdout)), end="")
 
 
 class _Bars:

@@ -1,19 +1,19 @@
 """`rt render`: from a scene file to images."""
 
+import sys
 import time
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import (
     ResumeInfo,
-    check_files,
     dry_run_save,
     find_checkpoint_path,
     parse_checkpoint_interval,
@@ -22,23 +22,35 @@ from raytracer.cli.base.outputs import (
     say,
     write_outputs,
 )
-from raytracer.cli.base.render_report import DebugCommand, RenderReport, describe_delay
-from raytracer.rendering.options import OPTIONS, RenderOptions
-from raytracer.scene.preview import SPP, preview_scene
+from raytracer.cli.base.picture_names import name_pictures
+from raytracer.cli.base.render_report import DebugCommand, RenderReport, describe_delay, describe_phases
+from raytracer.cli.base.render_request import (
+    Job,
+    ProgressForm,
+    Request,
+    Said,
+    check_outputs,
+    check_together,
+    preview_job,
+    skip_existing,
+)
+from raytracer.rendering.options import OPTIONS
 from raytracer.util.errors import InputError, Interrupted
 from raytracer.util.signals import WATCH, defer_interrupt, on_hangup
 
 if TYPE_CHECKING:
     from raytracer.rendering.checkpoint import CheckpointWriter
-    from raytracer.rendering.progress import Progress, SampleBar
+    from raytracer.rendering.progress import Progress, ProgressLines, SampleBar
     from raytracer.rendering.session import Rendered
-    from raytracer.scene.spec import SceneSpec
 
 EXAMPLE = """\b
 Examples:
   rt render scenes/cover.yaml
   rt render scenes/cover.yaml -o cover.png -o cover.exr --spp 1000
   rt render scenes/cover.yaml -D camera.defocus_angle=2 --preview
+  rt render scenes/cover.yaml --size 640x360 -o - > cover.png
+  rt render scenes/cover.yaml scenes/cornell.yaml --scale 50% -o small/ --no-clobber
+  rt render scenes/cornell.yaml --json --progress json
   rt render scenes/cornell.yaml --noise 2% -o cornell.exr --aov samples
   rt render scenes/cornell.yaml --crop 200,200,400,400 --time-limit 30s --stats stats.json
   rt render scenes/cornell.yaml -o cornell.exr --aov depth,normal,albedo --denoise
@@ -55,19 +67,33 @@ _EXIT_SECONDS = 0.05
 @options.render_options(*OPTIONS)
 def render(
     context: typer.Context,
-    scene: options.Scene,
+    scenes: Annotated[list[str], options.scene_argument("Scene files; - for standard input.")],
     *,
     output: Annotated[
-        list[Path] | None,
+        list[str] | None,
         options.output(
             "FILE",
-            "Image to write, .png .jpg for display, .exr .hdr .npy linear; .lf holds a light field; may repeat.  "
-            "Default: outputs/<scene>.png",
+            "Image to write, .png .jpg for display, .exr .hdr .npy linear; .lf holds a light field; may repeat.  A "
+            "folder, FOLDER/, takes images named for the scenes; - is standard output.  Default: outputs/<scene>.png",
         ),
     ] = None,
+    image_format: Annotated[
+        str | None,
+        takes(
+            "SUFFIX",
+            "Format of images that -o gives no name: png, exr, ...  Default: png.",
+            "--format",
+            autocompletion=complete_from("png", "jpg", "exr", "hdr", "npy", "lf"),
+        ),
+    ] = None,
+    no_clobber: Annotated[
+        bool, Option("--no-clobber", help="Leave images that are there, and what would make them.")
+    ] = False,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
     given: options.GivenOptions,
+    size: options.Size = None,
+    scale: options.Scale = None,
     preview: options.Preview = False,
     cluster: Annotated[
         str | None,
@@ -114,55 +140,64 @@ def render(
             "options make.",
         ),
     ] = False,
-    as_json: Annotated[bool, Option("--json", help="With --debug: print JSON.")] = False,
+    as_json: Annotated[
+        bool, Option("--json", help="Print what the render took as JSON, as --stats writes it; with --debug, the path.")
+    ] = False,
+    progress: Annotated[
+        ProgressForm | None,
+        takes(
+            "FORM",
+            "How progress is told on standard error: bar; json, one object a line; off.  Default: bar, on terminals.",
+        ),
+    ] = None,
+    verbose: Annotated[
+        bool, Option("--verbose", "-v", help="Say also what each phase took, and what was compiled.")
+    ] = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Render a scene.
+    """Render scenes, one after the other.
 
     Ctrl-C or SIGTERM ends the render early and writes the picture so far, and what --resume goes on from; a second one
     ends it at once.  SIGHUP writes the picture so far, and the render goes on.
     """
-    position = None if pixel is None else _parse_pixel(pixel)
-    if debug and position is None:
-        raise InputError("--debug needs --pixel X,Y, the pixel whose path it is to print")
-    for name, is_given in (("--pixel", pixel is not None), ("--sample", sample is not None), ("--json", as_json)):
-        if is_given and not debug:
-            raise InputError(f"{name} needs --debug, which prints the path of one sample")
+    if debug != (pixel is not None) or (sample is not None and not debug):
+        raise InputError(_describe_half_of_debug(pixel, debug=debug))
     if debug and (resume or checkpoint is not None):
         raise InputError(f"--{'resume' if resume else 'checkpoint'} is for pictures, and --debug makes none")
-    outputs = output or [Path("outputs") / f"{Path(scene).stem}.png"]
-    request = _Request(
-        outputs=outputs,
+    sizing = options.parse_sizing(size, scale)
+    named = name_pictures(scenes, output or [], image_format)
+    request = Request(
+        outputs=[path for paths in named.values() for path in paths],
         stats=stats,
-        options=given.parse([path.suffix for path in outputs], "-o NAME.exr"),
+        options=given.parse([path.suffix for paths in named.values() for path in paths], "-o NAME.exr"),
         cluster=cluster,
         checkpoint=parse_checkpoint_interval(checkpoint),
         keeps_checkpoint=checkpoint is not None,
         resume=resume,
-        quiet=quiet,
+        said=Said(quiet=quiet, verbose=verbose, as_json=as_json, progress=progress),
     )
-    if resume and request.checkpoint is None:
-        raise InputError("--resume goes on from a checkpoint, and with --checkpoint off there is none")
-
-    spec = options.load_scene(scene, define, allow_files)
-    if not debug:
-        _check_outputs(request, spec)
-    if preview:
-        spec = preview_scene(spec)
-        if request.options.noise is None:
-            spp = min(request.options.spp or spec.render.spp, SPP)
-            request = request._replace(options=replace(request.options, spp=spp))
-    if position is not None:
-        _print_path(spec, position, sample, request.options, as_json=as_json)
+    check_together(request, scenes, no_clobber=no_clobber, debug=debug)
+    jobs = list[Job]()
+    for scene, outputs in skip_existing(named, quiet=quiet).items() if no_clobber else named.items():
+        spec = options.load_scene(scene, define, allow_files, sizing)
+        job = Job(request._replace(outputs=outputs), spec, DebugCommand(scene, define or [], sizing, preview, given))
+        if not debug:
+            check_outputs(job.request, spec)
+        jobs.append(preview_job(job) if preview else job)
+    if pixel is not None:
+        _print_path(jobs[0], _parse_pixel(pixel), sample)
         return
-    command = DebugCommand(scene, define or [], preview, given)
-    rendered = _render(request, spec, context.obj, command)
-    seconds = time.perf_counter() - context.obj.began
-    is_interrupted = rendered.interrupted or WATCH.signal_number is not None
-    if (limit := request.options.time_limit) is not None and not is_interrupted and seconds > 1.05 * limit:
-        say(describe_delay(rendered, limit, seconds))
-    if is_interrupted:
-        raise Interrupted
+    for job in jobs:
+        began = context.obj.began if job is jobs[0] else time.perf_counter()
+        words = tuple(word for word in context.obj.words if word not in scenes or word == job.command.scene)
+        _run(job, options.Invocation(began, words))
+
+
+def _describe_half_of_debug(pixel: str | None, *, debug: bool) -> str:
+    """Say what is missing of the options that print the path of a sample."""
+    if debug:
+        return "--debug needs --pixel X,Y, the pixel whose path it is to print"
+    return f"{'--sample' if pixel is None else '--pixel'} needs --debug, which prints the path of one sample"
 
 
 def _parse_pixel(text: str) -> tuple[int, int]:
@@ -173,70 +208,39 @@ def _parse_pixel(text: str) -> tuple[int, int]:
     return x, y
 
 
-def _print_path(
-    spec: "SceneSpec", pixel: tuple[int, int], sample: int | None, options: RenderOptions, *, as_json: bool
-) -> None:
+def _print_path(job: "Job", pixel: tuple[int, int], sample: int | None) -> None:
     """Print the path of one sample; see `path_debug.trace_sample`."""
     from raytracer.rendering.path_debug import trace_sample
     from raytracer.rendering.path_text import format_path
 
-    path = trace_sample(spec, pixel, sample, options)
-    if as_json:
+    path = trace_sample(job.spec, pixel, sample, job.request.options)
+    if job.request.said.as_json:
         print_json(path.json())
     else:
         print(format_path(path), end="")
 
 
-class _Request(NamedTuple):
-    """The options of a render, parsed.
-
-    outputs, stats : files to write.
-    options : of the picture; its time limit is from the start of the command to its written files.
-    cluster : address of its scheduler.
-    checkpoint (s) : time between checkpoints; None for no checkpoints.
-    keeps_checkpoint : the checkpoint stays after a render that is complete.
-    resume : go on from the checkpoint.
-    """
-
-    outputs: list[Path]
-    stats: Path | None
-    options: RenderOptions
-    cluster: str | None
-    checkpoint: float | None
-    keeps_checkpoint: bool
-    resume: bool
-    quiet: bool
+def _run(job: Job, call: options.Invocation) -> None:
+    """Render one scene, and end the command if that was interrupted."""
+    rendered = _render(job, call)
+    seconds = time.perf_counter() - call.began
+    is_interrupted = rendered.interrupted or WATCH.signal_number is not None
+    if (limit := job.request.options.time_limit) is not None and not is_interrupted and seconds > 1.05 * limit:
+        say(describe_delay(rendered, limit, seconds))
+    if is_interrupted:
+        raise Interrupted
 
 
-def _check_outputs(request: _Request, spec: "SceneSpec") -> None:
-    """Check that all files can be written before the work, not after."""
-    from raytracer.film.image_file import check_writable
-
-    for path in request.outputs:
-        check_writable(path)
-        if path.suffix.lower() == ".lf":
-            _check_light_field(path, spec, request)
-    if request.stats is not None:
-        check_files([request.stats])
-
-
-def _check_light_field(path: Path, spec: "SceneSpec", request: _Request) -> None:
-    """Make sure that the picture of a scene holds a light field."""
-    from raytracer.film.light_field.layout import NO_LIGHT_FIELD_MESSAGE
-
-    layout = spec.camera.layout(spec.film.width, spec.film.height)
-    has_views = layout is not None and (layout.views.rows * layout.views.columns > 1 or "rays" in request.options.aovs)
-    if not has_views or request.options.crop is not None:
-        raise InputError(f"{path}: {NO_LIGHT_FIELD_MESSAGE}")
-
-
-def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, command: DebugCommand) -> "Rendered":
+def _render(job: Job, call: options.Invocation) -> "Rendered":
     """Render the picture, write its files, and report."""
-    from raytracer.core.compiler.compile_progress import watch_compilation
-    from raytracer.rendering.progress import CompileBar, SampleBar
+    from raytracer.core.compiler.compile_progress import COMPILATION, watch_compilation
+    from raytracer.rendering.progress import Progress
     from raytracer.rendering.render import prepare_scene, render_prepared
 
-    with SampleBar(quiet=request.quiet) as bar, CompileBar(quiet=request.quiet) as compile_bar:
+    request, spec, command = job
+    compiled = COMPILATION.count
+    samples_shown, compiler_shown = request.said.bars(command.scene)
+    with samples_shown as bar, compiler_shown as compile_bar:
 
         def warn(sentence: str) -> None:
             bar.say(f"rt: warning: {sentence}")
@@ -265,16 +269,23 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
             with WATCH.on_first_signal(defer_interrupt):
                 try_saving = partial(dry_run_save, outputs=request.outputs)
                 rendered = render_prepared(prepared, progress=show, dry_run_save=try_saving, checkpoint_writer=writer)
+                if request.said.progress == "json":
+                    samples, seconds = rendered.stats.samples, rendered.stats.seconds["render"]
+                    bar.show(Progress(samples, samples, seconds))
                 bar.close()
                 resume = ResumeInfo(writer, call.words)
                 write_outputs(rendered, request.outputs, request.stats, resume, warn)
                 spp = request.options.spp_limit(spec)
                 report = RenderReport(rendered, request.outputs, request.options, spp, resume, command, call.began)
-                report.show(quiet=request.quiet)
+                report.show(quiet=request.said.quiet)
+                if request.said.verbose:
+                    print(describe_phases(rendered.stats, COMPILATION.count - compiled), file=sys.stderr)
+                if request.said.as_json:
+                    print_json(rendered.stats.json())
     return rendered
 
 
-def _make_checkpoint_writer(request: _Request, bar: "SampleBar") -> "CheckpointWriter":
+def _make_checkpoint_writer(request: Request, bar: "SampleBar | ProgressLines") -> "CheckpointWriter":
     """Find the checkpoint's place, and say if an earlier render's lies there."""
     from raytracer.rendering.checkpoint import DEFAULT_INTERVAL, CheckpointWriter
 
@@ -296,7 +307,7 @@ def _make_checkpoint_writer(request: _Request, bar: "SampleBar") -> "CheckpointW
         say=warn,
         show=lambda image: save_picture_so_far(image, request.outputs, say),
     )
-    if path is not None and not (request.resume or request.quiet) and path.exists():
+    if path is not None and not (request.resume or request.said.quiet) and path.exists():
         say(
             f"{path} has the samples of an earlier render, from which --resume would go on; "
             "without it they may be replaced"

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Option
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
@@ -46,7 +46,7 @@ Run it again to go on: points that are done are kept.
     strict="Take warnings for errors: such a point fails.",
 )
 def sweep(
-    scene: Annotated[str, Argument(metavar="SCENE", help="Scene file, or file of a sweep (docs/sweeps.md).")],
+    scene: Annotated[str, options.scene_argument("Scene file, or file of a sweep (docs/sweeps.md).")],
     *,
     define: Annotated[
         list[str] | None,

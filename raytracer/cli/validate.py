@@ -3,11 +3,12 @@
 from typing import Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from raytracer.cli.base import options
-from raytracer.cli.base.outputs import say
+from raytracer.cli.base.outputs import warn
 from raytracer.util.errors import InputError
+from raytracer.util.terminal import print_error
 
 EXAMPLE = """\b
 Example:
@@ -17,7 +18,7 @@ Example:
 
 
 def validate(
-    scenes: Annotated[list[str], Argument(metavar="SCENE", help="Scene files.")],
+    scenes: Annotated[list[str], options.scene_argument("Scene files.")],
     allow_files: options.AllowFiles = None,
     strict: Annotated[bool, Option("--strict", help="Take warnings for errors.")] = False,
     quiet: Annotated[bool, Option("--quiet", "-q", help="Do not name the files that are right.")] = False,
@@ -38,10 +39,10 @@ def validate(
         except InputError as error:
             wrong = True
             for one in (error, *getattr(error, "others", ())):
-                say(str(one))
+                print_error(str(one))
             continue
         for sentence in sentences:
-            say(f"{'' if strict else 'warning: '}{sentence}")
+            (print_error if strict else warn)(sentence)
         if sentences and strict:
             wrong = True
         elif not quiet:

@@ -3,8 +3,6 @@
 import time
 from typing import Annotated
 
-from typer import Argument
-
 from raytracer.cli.base import options
 
 EXAMPLE = """\b
@@ -22,7 +20,7 @@ Example:
     denoise="The renders will be denoised.",
 )
 def warm(
-    scenes: Annotated[list[str], Argument(metavar="SCENE", help="Scene files.")],
+    scenes: Annotated[list[str], options.scene_argument("Scene files.")],
     *,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,

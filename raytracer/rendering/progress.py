@@ -1,7 +1,9 @@
 """The progress of a render, as it is reported and shown."""
 
+import json
+import sys
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 from raytracer.core.compiler.compile_progress import CompileProgress
 from raytracer.core.error_estimate.halves import ErrorEstimate
@@ -12,6 +14,9 @@ from raytracer.util.progress import Bar, BatchBar, BatchProgress
 FIRST_COMPILATION = (
     "rt: this combination of effects is compiled for the first time; later renders have it from the cache"
 )
+
+# Between two lines of JSON.
+_LINE_SECONDS = 0.5
 
 
 class Progress(NamedTuple):
@@ -70,6 +75,50 @@ class CompileBar(Bar):
             self.say(self._announcement)
             self._announcement = None
         self.update(100.0 * progress.fraction, 100.0, f"{progress.parts} of about {progress.known_parts} parts")
+
+
+class ProgressLines:
+    """The progress of one phase as lines of JSON on stderr, for programs, in place of a bar."""
+
+    def __init__(self, phase: str, scene: str) -> None:
+        self._names = {"scene": scene, "phase": phase}
+        self._began = self._said = now()
+        self._line: dict[str, Any] | None = None
+
+    def show(self, progress: Progress | CompileProgress) -> None:
+        """Print the progress, but that of moments ago only if it stays the last."""
+        if isinstance(progress, CompileProgress):
+            progress = Progress(progress.parts, max(progress.parts, progress.known_parts), now() - self._began)
+        is_first = self._line is None
+        done, total, seconds, worked = (
+            progress.done,
+            progress.wanted,
+            progress.seconds,
+            progress.done - progress.resumed,
+        )
+        eta = round(seconds * (total - done) / worked, 3) if worked > 0 else None
+        self._line = {**self._names, "done": done, "total": total, "seconds": round(seconds, 3), "eta": eta}
+        if is_first or now() - self._said > _LINE_SECONDS:
+            self._print()
+
+    def _print(self) -> None:
+        print(json.dumps(self._line), file=sys.stderr, flush=True)
+        self._said, self._line = now(), {}
+
+    def say(self, line: str) -> None:
+        """Print a line that is no progress, on stderr."""
+        print(line, file=sys.stderr)
+
+    def close(self) -> None:
+        """Print the last progress, if it was not."""
+        if self._line:
+            self._print()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
 
 class ProgressReporter:

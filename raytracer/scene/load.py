@@ -8,7 +8,7 @@ from typing import Any
 from raytracer.scene.overrides import set_value
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.validation import build_scene, to_builtins
-from raytracer.schema.yaml_parser import parse, read
+from raytracer.schema.yaml_parser import STANDARD_INPUT, parse, read
 from raytracer.util.errors import SceneError
 from raytracer.util.path_sandbox import AllowFiles, make_sandbox
 
@@ -20,7 +20,8 @@ def load(
 
     Parameters
     ----------
-    path: The scene file; names of files in it are relative to its folder.
+    path: The scene file; names of files in it are relative to its folder.  `-` is standard input, whose names are
+        relative to the working directory.
     overrides: Values by dotted path (`camera.f_number`, `objects[3].radius`, `objects.ball.radius`) that stand in
         place of the file's.
     allow_files: Folders in which the scene may name files, besides its own (docs/reference/scenes/rules.md);
@@ -31,7 +32,8 @@ def load(
     SceneError: the file cannot be read, or what it or an override says is wrong, or it names a file where it may not.
     """
     file = os.fspath(path)
-    return build(read(file), file, overrides, base=Path(file).parent, allow_files=allow_files)
+    name = "standard input" if file == STANDARD_INPUT else file
+    return build(read(file), name, overrides, base=Path(file).parent, allow_files=allow_files)
 
 
 def build(

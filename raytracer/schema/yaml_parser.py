@@ -12,14 +12,18 @@ import math
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import yaml
 
 from raytracer.schema.yaml_nodes import MAX_DEPTH, MAX_DIGITS, Node, SourceLocation, collection
 from raytracer.util.errors import SceneError, closest_name, format_value, suggest_name
 from raytracer.util.safe_open import open_regular
+
+STANDARD_INPUT = "-"
+"""The name that stands for what is piped into the program."""
 
 MAX_BYTES = 64 * 2**20
 MAX_VALUES = 1_000_000
@@ -222,17 +226,23 @@ def parse(text: str, file: str, option: str | None = None) -> Node | None:
     return _Composer(text, file, option).compose()
 
 
+def _open(file: str, named: Path) -> AbstractContextManager[IO[bytes]]:
+    """Open a file, or standard input; never wait for a name with a suffix: a shell's pipe (/dev/fd/63) has none."""
+    if file == STANDARD_INPUT:
+        return nullcontext(sys.stdin.buffer)
+    return open_regular(named, sys.maxsize) if named.suffix else named.open("rb")
+
+
 def read(file: str, noun: str = "scene") -> str:
-    """Read the text of a file that holds a scene, or another `noun`.
+    """Read the text of a file that holds a scene, or another `noun`; `-` is standard input.
 
     Raises
     ------
     SceneError: the file does not exist, cannot be read, is too large, or is not UTF-8.
     """
     try:
-        # A name with a suffix is never waited for; a pipe of a shell (/dev/fd/63) has no suffix.
         named = Path(file)
-        with open_regular(named, sys.maxsize) if named.suffix else named.open("rb") as stream:
+        with _open(file, named) as stream:
             data = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
         hint = f"; did you mean {meant}?" if (meant := _near_file(named, noun)) else ""

@@ -41,8 +41,15 @@ _LOCK_FLAGS: int = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NON
 _MODE, _MODE_IN_TRANSIT = 0o666, 0o600
 
 
+def is_standard_output(path: Path) -> bool:
+    """Return True if `path` stands for standard output: `-`, or with the suffix of a format, `-.exr`."""
+    return path.parent == Path() and path.stem == "-"
+
+
 def is_special(path: Path) -> bool:
     """Return True if `path` is a device, a pipe, or an open file of this process, which cannot be renamed over."""
+    if is_standard_output(path):
+        return True
     if path.is_dir() or not path.exists():
         return False
     return path.parent in _OPEN_FILE_FOLDERS or not stat.S_ISREG(path.stat().st_mode)
@@ -79,6 +86,9 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
             aside, held = stack.enter_context(_locked_temporary(folder, _MODE_IN_TRANSIT if direct else _MODE))
         yield aside
         with wrap_os_errors(path):
+            if direct and is_standard_output(path):
+                _write_standard_output(aside.read_bytes())
+                return
             if direct:
                 with aside.open("rb") as written, path.open("wb") as file:
                     shutil.copyfileobj(written, file)
@@ -94,6 +104,16 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
             os.replace(aside, target)
 
 
+def _write_standard_output(data: bytes) -> None:
+    """Write bytes to standard output, after the text that it has; a failure is not tried again."""
+    try:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(data)
+        sys.stdout.buffer.flush()
+    except OSError as error:
+        raise OutputError(f"standard output: cannot be written: {error.strerror or error}") from None
+
+
 def write_bytes(path: str | Path, data: bytes) -> None:
     """Write a file so that it is either the old one or the new one, each whole; folders are made as needed.
 
@@ -104,6 +124,9 @@ def write_bytes(path: str | Path, data: bytes) -> None:
     OutputError : the file cannot be written (full disk, quota, permission); nothing is left behind.
     """
     path = Path(path)
+    if is_standard_output(path):
+        _write_standard_output(data)
+        return
     with wrap_os_errors(path):
         if is_special(path):
             path.write_bytes(data)
@@ -117,9 +140,14 @@ def check_file(path: str | Path) -> None:
 
     Raises
     ------
-    InputError : `path` is a folder or protected, or its folder cannot be made or written.
+    InputError : `path` is a folder or protected, or its folder cannot be made or written; or a terminal is to show
+        the bytes of a file.
     """
     path = Path(path)
+    if is_standard_output(path):
+        if sys.stdout.isatty():
+            raise InputError("-: standard output is a terminal, which shows no files: pipe it, or name a file")
+        return
     try:
         if path.is_dir():
             raise InputError(f"{path}: is a folder, not a file")

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from raytracer.cli.base.app import main
+from raytracer.cli.base.defaults import KEYS, variable
 from raytracer.rendering.progress import CompileBar
 
 
@@ -13,6 +14,14 @@ from raytracer.rendering.progress import CompileBar
 def _silent_compiler(monkeypatch):
     """Keep what a test sees from depending on what has been compiled."""
     monkeypatch.setattr(CompileBar, "show", lambda *_: None)
+
+
+@pytest.fixture(autouse=True)
+def _no_defaults(monkeypatch, tmp_path_factory):
+    """Keep it from depending on the defaults of whoever runs the tests."""
+    for key in KEYS:
+        monkeypatch.delenv(variable(key), raising=False)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.getbasetemp() / "no_config"))
 
 
 @pytest.fixture

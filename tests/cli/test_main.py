@@ -59,6 +59,17 @@ def test_every_command_shows_an_example(command, rt):
     assert f"  rt {command.removesuffix(' report')} " in f"{output} "
 
 
+@pytest.mark.parametrize("group", ["", "lightfield "])
+def test_lists_of_commands_hold_whole_sentences(group, rt):
+    listed = " ".join(rt(f"{group}--help").out.split("Commands:")[1].split())
+    inside = typer.main.get_command(cli.application())
+    below = inside.commands[group.strip()] if group else inside
+    for name, command in below.commands.items():
+        assert f"{name} {command.short_help}" in listed
+        assert command.short_help.endswith(".")
+    assert "..." not in listed
+
+
 def test_version_is_printed(rt):
     assert rt("--version").out == f"rt {raytracer.__version__}\n"
 
@@ -70,9 +81,10 @@ def test_validate_names_the_right_and_every_wrong_file(here, rt):
     Path("dark.yaml").write_text(SCENE + BALL + "lights: [{type: flash, energy: 1}]\n")
     captured = rt("validate bad.yaml good.yaml worse.yaml dark.yaml", status=2)
     assert captured.out == "good.yaml: valid\n"
-    first, second, third = captured.err.splitlines()
+    first, other, second, third = captured.err.splitlines()
     assert first.startswith("rt: bad.yaml:1: camera.vfv: unknown key 'vfv'")
-    assert second == "rt: worse.yaml: no such file"
+    assert other.startswith("rt: bad.yaml:2: film.widht: unknown key 'widht'")
+    assert second == "rt: worse.yaml: no such file; did you mean good.yaml?"
     assert third.startswith("rt: dark.yaml:")
     assert "shutter" in third
     assert rt("validate --quiet good.yaml").out == ""

@@ -214,7 +214,6 @@ def test_what_is_not_finite_is_reported_as_a_command_that_shows_it(file, capsys)
         ("--debug", "--debug needs --pixel X,Y, the pixel whose path it is to print"),
         ("--pixel 3,4", "--pixel needs --debug, which prints the path of one sample"),
         ("--sample 3", "--sample needs --debug, which prints the path of one sample"),
-        ("--json", "--json needs --debug, which prints the path of one sample"),
         ("--pixel 3 --debug", "--pixel 3: must be two integers, X,Y"),
         ("--pixel a,b --debug", "--pixel a,b: must be two integers, X,Y"),
         ("--pixel 3,99 --debug", "pixel 3,99 must lie within the film, from 0,0 to 15,15"),

@@ -9,6 +9,7 @@ import gc
 import importlib
 import os
 import pkgutil
+import re
 import sys
 import time
 import traceback
@@ -22,9 +23,12 @@ from typer import Option
 from typer.exceptions import TyperException
 
 import raytracer.cli
+from raytracer.cli.base.completion import VARIABLE, command_to_complete
+from raytracer.cli.base.defaults import default_map
 from raytracer.cli.base.options import Invocation
 from raytracer.util.errors import InputError, Interrupted, OutputError, StrictError, one_line
 from raytracer.util.signals import WATCH, defer_interrupt
+from raytracer.util.terminal import YELLOW, paint, print_error
 
 FAILED = 1
 WRONG_INPUT = 2
@@ -77,9 +81,14 @@ def add_commands(app: typer.Typer, package: ModuleType, command: str | None = No
         module = importlib.import_module(f"{package.__name__}.{name}")
         added, word = getattr(module, name), name.rstrip("_").replace("_", "-")
         if isinstance(added, typer.Typer):
-            app.add_typer(added, name=word)
+            app.add_typer(added, name=word, short_help=_summarize(added.info.help))
         else:
-            app.command(word, epilog=module.EXAMPLE)(added)
+            app.command(word, epilog=module.EXAMPLE, short_help=_summarize(added.__doc__))(added)
+
+
+def _summarize(text: str | None) -> str:
+    """Return the first sentence of a command's help, which Typer would cut to the width of a line."""
+    return f"{re.split(r'[.:](?: |$)', ' '.join((text or '').split()))[0]}."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -113,6 +122,9 @@ def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     print(f"rt: warning: {one_line(str(message))}", file=sys.stderr)
 
 
+_WARNING = "rt: warning:"
+
+
 class _FailsafeStream:
     """A stream that ignores failures to write: no render ends because its progress cannot be shown.
 
@@ -126,9 +138,10 @@ class _FailsafeStream:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write, if that is possible."""
+        """Write, if that is possible; a warning is yellow where there are colours."""
+        begin = _WARNING if text.startswith(_WARNING) else ""
         with contextlib.suppress(OSError):
-            self._stream.write(text)
+            self._stream.write((paint(begin, YELLOW, self._stream) if begin else "") + text.removeprefix(begin))
         return len(text)
 
     def flush(self) -> None:
@@ -154,8 +167,13 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
     call = Invocation(began, tuple(sys.argv[1:] if arguments is None else arguments))
     try:
         # The other commands are not imported: a tenth of a second.
-        app = application(next(iter(call.words), None))
-        status = app(arguments, prog_name="rt", standalone_mode=False, obj=call)
+        app = application(next(iter(call.words), None) or command_to_complete(os.environ))
+        if VARIABLE in os.environ:
+            from typer.completion import completion_init  # type: ignore[attr-defined]
+
+            completion_init()
+        defaults = default_map(call.words, os.environ)
+        status = app(arguments, prog_name="rt", standalone_mode=False, obj=call, default_map=defaults)
         if status == _TYPERS_INTERRUPTED:
             raise KeyboardInterrupt
         try:
@@ -171,7 +189,8 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
     except StrictError as error:
         return max(_fail(WRONG_INPUT, sentence) for sentence in error.sentences)
     except InputError as error:
-        return max(_fail(WRONG_INPUT, str(one)) for one in (error, *getattr(error, "others", ())))
+        hint = _hint_of_spaces(call.words)
+        return max(_fail(WRONG_INPUT, f"{one}{hint}") for one in (error, *getattr(error, "others", ())))
     except OutputError as error:
         return _fail(FAILED, str(error))
     except Interrupted:
@@ -196,12 +215,11 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
 
 _OTHER_OPTIONS = {
     "--samples": "--spp",
-    "--resolution": "-D film.width=... -D film.height=...",
+    "--resolution": "--size 640x360",
     "--out": "--output",
     "--define": "-D",
     "--jobs": "--threads",
     "--cores": "--threads",
-    "--verbose": "--stats",
 }
 """Options here by options elsewhere."""
 
@@ -210,12 +228,18 @@ def _hint(words: Sequence[str]) -> str:
     """Tell what was probably meant by a command line that is wrong; empty if nothing comes to mind."""
     if words and words[0].endswith((".yaml", ".yml")):
         return f"; did you mean 'rt render {words[0]}'?"
+    if spaces := _hint_of_spaces(words):
+        return spaces
     for word in words:
-        if word.count("[") > word.count("]"):
-            return "; a value with spaces is quoted: -D 'camera.look_from=[1, 2, 3]'"
         if here := _OTHER_OPTIONS.get(word.partition("=")[0]):
             return f"; did you mean {here}?"
     return ""
+
+
+def _hint_of_spaces(words: Sequence[str]) -> str:
+    """Tell that the shell has parted a value, if it has; empty otherwise."""
+    is_parted = any(word.count("[") > word.count("]") for word in words)
+    return "; a value with spaces is quoted: -D 'camera.look_from=[1, 2, 3]'" if is_parted else ""
 
 
 def _plain(message: str) -> str:
@@ -229,5 +253,5 @@ def _fail(status: int, sentence: str, *, unexpected: bool = False) -> int:
     """Print an error, on one line."""
     if unexpected and os.environ.get("RT_TRACEBACK"):
         traceback.print_exc()
-    print(f"rt: {one_line(sentence)}", file=sys.stderr)
+    print_error(one_line(sentence))
     return status

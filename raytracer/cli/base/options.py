@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 from typer import Argument, Option
 
+from raytracer.cli.base.completion import complete_scene
 from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.scene.preview import EDGE, SPP
 from raytracer.schema.units import Dimension, parse_quantity
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
     from raytracer.scene.spec import SceneSpec
 
 Value = TypeVar("Value")
+
+# Of a percentage without its sign one gets pictures that no memory holds.
+_LARGEST_FACTOR = 20
 
 
 def takes(metavar: str, text: str, *names: str, **limits: Any) -> Any:
@@ -37,7 +42,12 @@ def output(metavar: str, text: str) -> Any:
     return takes(metavar, text, "--output", "-o")
 
 
-Scene = Annotated[str, Argument(metavar="SCENE", help="Scene file.")]
+def scene_argument(text: str) -> Any:
+    """Declare an argument that names a scene file, or several; `text` is its help."""
+    return Argument(metavar="SCENE", help=text, autocompletion=complete_scene)
+
+
+Scene = Annotated[str, scene_argument("Scene file; - for standard input.")]
 Define = Annotated[
     list[str] | None, takes("KEY=VALUE", "Override a key of the scene: camera.vfov=40.", "--define", "-D")
 ]
@@ -46,6 +56,11 @@ AllowFiles = Annotated[
     takes("FOLDER", "Where the scene may name files too, besides its own folder; may repeat.  Also: RT_ALLOW_FILES."),
 ]
 Preview = Annotated[bool, Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")]
+Size = Annotated[
+    str | None,
+    takes("WxH", "Pixels of the picture: 640x360, in place of film.width and film.height.  The camera stays as it is."),
+]
+Scale = Annotated[str | None, takes("PERCENT", "Make the picture so much smaller or larger, of the same framing: 50%.")]
 Stats = Annotated[Path | None, takes("FILE.json", "Write what the render took as JSON.")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress and no summary.")]
 Findings = Annotated[bool, Option("--quiet", "-q", help="No progress; what was found is printed.")]
@@ -91,12 +106,65 @@ def name_in_errors(file: str, kind: type[Exception] = InputError) -> Iterator[No
         raise InputError(f"{file}: {error}") from None
 
 
-def load_scene(file: str, define: list[str] | None, allow_files: list[str] | None) -> "SceneSpec":
-    """Load the scene of a command, with the keys that `-D` overrides."""
+class Sizing(NamedTuple):
+    """The size of a picture as `--size` or `--scale` gives it, parsed.
+
+    size (px) : width and height.
+    factor : by which the scene's own size is multiplied.
+    """
+
+    size: tuple[int, int] | None = None
+    factor: float | None = None
+
+    def of(self, width: int, height: int) -> tuple[int, int]:
+        """Return the size of a picture that has width x height pixels by itself."""
+        if self.size is not None:
+            return self.size
+        factor = 1.0 if self.factor is None else self.factor
+        return max(1, round(factor * width)), max(1, round(factor * height))
+
+    def apply(self, spec: "SceneSpec") -> "SceneSpec":
+        """Give the film of a scene this size, if there is one."""
+        width, height = self.of(spec.film.width, spec.film.height)
+        return spec if self == Sizing() else spec.replace({"film.width": width, "film.height": height})
+
+
+def parse_sizing(size: str | None, scale: str | None) -> Sizing:
+    """Parse the values of `--size` and `--scale`."""
+    if size is not None and scale is not None:
+        raise InputError("--size and --scale exclude each other")
+    return Sizing(
+        None if size is None else parse_value("--size", size, _parse_size),
+        None if scale is None else parse_value("--scale", scale, _parse_scale),
+    )
+
+
+def _parse_size(text: str) -> tuple[int, int]:
+    numbers = re.fullmatch(r"([1-9]\d{0,8})x([1-9]\d{0,8})", text, re.ASCII)
+    if numbers is None:
+        raise ValueError("must be width and height in pixels, such as 640x360")
+    return int(numbers[1]), int(numbers[2])
+
+
+def _parse_scale(text: str) -> float:
+    number = re.fullmatch(r"(\d{1,6}|\d{0,6}\.\d{1,6})(%?)", text, re.ASCII)
+    factor = 0.0 if number is None else float(number[1]) / (100.0 if number[2] else 1.0)
+    if factor == 0.0:
+        raise ValueError("must be a share of the scene's own size, such as 50% or 0.5")
+    if factor >= _LARGEST_FACTOR:
+        raise ValueError(f"must be below {_LARGEST_FACTOR}; did you mean {text.removesuffix('%')}%?")
+    return factor
+
+
+def load_scene(
+    file: str, define: list[str] | None, allow_files: list[str] | None, sizing: Sizing | None = None
+) -> "SceneSpec":
+    """Load the scene of a command, with the keys that `-D` overrides, and the size that `--size` or `--scale` gives."""
     from raytracer.scene.load import load
     from raytracer.scene.overrides import parse_overrides
 
-    return load(file, parse_overrides(define or []), allow_files=allow_files or [])
+    spec = load(file, parse_overrides(define or []), allow_files=allow_files or [])
+    return spec if sizing is None else sizing.apply(spec)
 
 
 @contextmanager

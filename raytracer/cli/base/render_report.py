@@ -7,10 +7,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from raytracer.cli.base.options import GivenOptions
+from raytracer.cli.base.options import GivenOptions, Sizing
 from raytracer.cli.base.outputs import ResumeInfo, join_paths, report_faults, say
 from raytracer.rendering.options import RenderOptions
-from raytracer.report.wording import format_given_percent, format_percent, format_percent_interval, megabytes, plural
+from raytracer.report.wording import (
+    count,
+    format_given_percent,
+    format_percent,
+    format_percent_interval,
+    megabytes,
+    plural,
+)
 from raytracer.util.errors import OutputError
 
 if TYPE_CHECKING:
@@ -26,6 +33,7 @@ class DebugCommand(NamedTuple):
 
     scene: str
     define: list[str]
+    sizing: Sizing
     preview: bool
     given: GivenOptions
 
@@ -34,6 +42,9 @@ class DebugCommand(NamedTuple):
         words = ["rt", "render", self.scene]
         for text in self.define:
             words += ["-D", text]
+        if self.sizing.size is not None:
+            words += ["--size", "{}x{}".format(*self.sizing.size)]
+        words += [] if self.sizing.factor is None else ["--scale", f"{self.sizing.factor:g}"]
         words += ["--preview"] if self.preview else []
         for name in ("spp", "seed", "noise", "time_limit"):
             value = self.given.words[name]
@@ -118,6 +129,16 @@ def describe_delay(rendered: "Rendered", limit: float, seconds: float) -> str:
     longest = max(names, key=lambda name: spent[name])
     least = "every pixel gets at least 8 samples"
     return f"{seconds:.1f} s for a time limit of {limit:g} s: {names[longest]} took {spent[longest]:.1f} s; {least}"
+
+
+def describe_phases(stats: "Stats", compiled: int) -> str:
+    """Say what each phase took, what was compiled, and what else tells why it took so long."""
+    phases = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stats.seconds.items() if name != "total")
+    kernels = count(compiled, "kernel") + " compiled" if compiled else "no kernel compiled"
+    return (
+        f"{phases}\n{kernels}; {count(stats.threads, 'thread')}; {megabytes(stats.peak_rss_bytes)} of memory at most\n"
+        f"effects: {', '.join(stats.effects)}"
+    )
 
 
 def _show_faults(stats: "Stats", debug: DebugCommand, *, strict: bool) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer import Argument, Option
+from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
@@ -44,7 +44,7 @@ Examples:
 )
 def render(
     context: typer.Context,
-    scene: Annotated[str, Argument(metavar="SCENE", help="Scene file, of a camera with many views.")],
+    scene: Annotated[str, options.scene_argument("Scene file, of a camera with many views.")],
     *,
     output: Annotated[Path, options.output("FILE.lf", "Light field to write.")],
     define: options.Define = None,
@@ -57,6 +57,8 @@ def render(
             "rendered in parts.",
         ),
     ] = "2GB",
+    size: options.Size = None,
+    scale: options.Scale = None,
     given: options.GivenOptions,
     dtype: Annotated[
         str, takes("TYPE", "Numbers of the radiance in the file: float16, float32 or float64.")
@@ -90,7 +92,7 @@ def render(
     picture_memory = int(options.parse_value("--memory", memory, parse_bytes))
     _check_format(output, dtype)
     wanted = given.parse()
-    spec = options.load_scene(scene, define, allow_files)
+    spec = options.load_scene(scene, define, allow_files, options.parse_sizing(size, scale))
     check_files([output, *([] if stats is None else [stats])])
     from raytracer.lightfield.capturing.capture import capture
     from raytracer.rendering.checkpoint import SUFFIX

@@ -1,17 +1,21 @@
 """Portable float maps (.pfm): float32, rows from the bottom to the top.
 
-Disparities and depths are exchanged in them; pictures are not.
+Disparities, depths and some pictures are exchanged in them.
 
 References: Debevec, "PFM Portable FloatMap Image Format"; HDRshop's documentation has the same.
 """
 
 import math
 import re
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.formats.base.image_format import ImageFormat
+from raytracer.film.formats.base.image_format import ImageFormat, Layers, check_size
+
+if TYPE_CHECKING:
+    from raytracer.film.image import Image
 
 _HEADER = re.compile(rb"(P[Ff])\s+(\d{1,9})\s+(\d{1,9})\s+([-+.\deE]{1,30})\s")
 """Kind, width, height, and the scale, whose sign is the byte order; one white space before the numbers."""
@@ -52,4 +56,17 @@ def decode(data: bytes) -> NDArray[np.float64]:
         return numbers.astype(np.float64).reshape(shape)[::-1]
 
 
-FORMAT = ImageFormat((".pfm",), is_linear=True, encode_map=encode, order=110)
+def encode_image(image: "Image", layers: Layers) -> bytes:
+    """Encode the radiance of an image; layers and settings are left out."""
+    return encode(image.radiance)
+
+
+def decode_image(data: bytes) -> NDArray[np.float64]:
+    """Decode a file to linear values, float64 (height, width, 3); of a grey one all channels are equal."""
+    values = decode(data)
+    height, width = values.shape[:2]
+    check_size(width, height, len(data))
+    return values if values.ndim == 3 else np.repeat(values[..., None], 3, axis=2)
+
+
+FORMAT = ImageFormat((".pfm",), is_linear=True, encode=encode_image, encode_map=encode, decode=decode_image, order=110)

@@ -113,10 +113,10 @@ PROGRAM = """
 
 
 def test_the_lists_of_suffixes():
-    assert " ".join(registry.writable_suffixes()) == ".png .jpg .jpeg .exr .hdr .npy .lf"
-    assert " ".join(registry.image_suffixes()) == ".png .jpg .jpeg .exr .hdr .npy"
+    assert " ".join(registry.writable_suffixes()) == ".png .jpg .jpeg .exr .hdr .npy .lf .pfm"
+    assert " ".join(registry.image_suffixes()) == ".png .jpg .jpeg .exr .hdr .npy .pfm"
     assert " ".join(registry.display_suffixes()) == ".png .jpg .jpeg"
-    textures = ".png .jpg .jpeg .bmp .tga .tif .tiff .webp .exr .hdr .npy"
+    textures = ".png .jpg .jpeg .bmp .tga .tif .tiff .webp .exr .hdr .npy .pfm"
     assert " ".join(registry.texture_suffixes()) == textures
     assert " ".join(registry.layered_suffixes()) == ".exr .lf"
     assert " ".join(registry.map_suffixes()) == ".png .exr .npy .pfm"
@@ -143,7 +143,7 @@ def test_every_list_takes_in_new_files(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     told = " ".join(done.stderr.split())
-    assert "known: .png, .jpg, .jpeg, .exr, .hdr, .npy, .lf, .ppm, .toy" in told
+    assert "known: .png, .jpg, .jpeg, .exr, .hdr, .npy, .lf, .pfm, .ppm, .toy" in told
     # Another program agrees on what is in the file.
     with PIL.Image.open(tmp_path / "b.ppm") as ppm, PIL.Image.open(tmp_path / "b.png") as png:
         np.testing.assert_array_equal(np.asarray(ppm), np.asarray(png))
