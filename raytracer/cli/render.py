@@ -23,6 +23,7 @@ from raytracer.cli.base.outputs import (
     write_outputs,
 )
 from raytracer.cli.base.render_report import DebugCommand, RenderReport, describe_delay
+from raytracer.cli.base.viewer import connect_viewer, parse_viewer
 from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.scene.preview import SPP, preview_scene
 from raytracer.util.errors import InputError, Interrupted
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from raytracer.rendering.checkpoint import CheckpointWriter
     from raytracer.rendering.progress import Progress, SampleBar
     from raytracer.rendering.session import Rendered
+    from raytracer.rendering.tev.viewer import Address
     from raytracer.scene.spec import SceneSpec
 
 EXAMPLE = """\b
@@ -46,6 +48,7 @@ Examples:
   rt render scenes/cover.yaml --spp 4096 --cluster tcp://head:8786
   rt render scenes/cover.yaml --spp 4096 --checkpoint 5min
   rt render scenes/cover.yaml --spp 4096 --resume
+  rt render scenes/cover.yaml --spp 1024 --tev
 """
 
 # What the interpreter takes to end.
@@ -96,6 +99,14 @@ def render(
         ),
     ] = False,
     stats: options.Stats = None,
+    tev: Annotated[
+        str | None,
+        takes(
+            "[HOST:PORT]",
+            "Show the picture in the viewer tev while it is rendered, as it is in linear files.  Default: tev's own "
+            "address, 127.0.0.1:14158.  The render does not wait for a viewer; see docs/tev.md.",
+        ),
+    ] = None,
     pixel: Annotated[str | None, takes("X,Y", "With --debug: the pixel, from 0,0 in the top left corner.")] = None,
     sample: Annotated[
         int | None,
@@ -130,6 +141,8 @@ def render(
             raise InputError(f"{name} needs --debug, which prints the path of one sample")
     if debug and (resume or checkpoint is not None):
         raise InputError(f"--{'resume' if resume else 'checkpoint'} is for pictures, and --debug makes none")
+    if debug and tev is not None:
+        raise InputError("--tev is for pictures, and --debug makes none")
     outputs = output or [Path("outputs") / f"{Path(scene).stem}.png"]
     request = _Request(
         outputs=outputs,
@@ -140,6 +153,7 @@ def render(
         keeps_checkpoint=checkpoint is not None,
         resume=resume,
         quiet=quiet,
+        tev=parse_viewer(tev),
     )
     if resume and request.checkpoint is None:
         raise InputError("--resume goes on from a checkpoint, and with --checkpoint off there is none")
@@ -196,6 +210,7 @@ class _Request(NamedTuple):
     checkpoint (s) : time between checkpoints; None for no checkpoints.
     keeps_checkpoint : the checkpoint stays after a render that is complete.
     resume : go on from the checkpoint.
+    tev : address of a viewer.
     """
 
     outputs: list[Path]
@@ -206,6 +221,7 @@ class _Request(NamedTuple):
     keeps_checkpoint: bool
     resume: bool
     quiet: bool
+    tev: "Address | None"
 
 
 def _check_outputs(request: _Request, spec: "SceneSpec") -> None:
@@ -250,7 +266,8 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
         if (limit := wanted.time_limit) is not None:
             wanted = replace(wanted, time_limit=max(limit - _EXIT_SECONDS, 0.5 * limit))
         writer = _make_checkpoint_writer(request, bar)
-        with on_hangup(writer.request_preview), options.connect_cluster(request.cluster) as cluster:
+        shown = connect_viewer(request.tev, request.outputs[0], warn)
+        with on_hangup(writer.request_preview), options.connect_cluster(request.cluster) as cluster, shown as viewer:
             with watch_compilation(compile_bar.show):
                 prepared = prepare_scene(
                     spec,
@@ -264,7 +281,9 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
             # From here on there is something to lose.
             with WATCH.on_first_signal(defer_interrupt):
                 try_saving = partial(dry_run_save, outputs=request.outputs)
-                rendered = render_prepared(prepared, progress=show, dry_run_save=try_saving, checkpoint_writer=writer)
+                rendered = render_prepared(
+                    prepared, progress=show, dry_run_save=try_saving, checkpoint_writer=writer, observer=viewer
+                )
                 bar.close()
                 resume = ResumeInfo(writer, call.words)
                 write_outputs(rendered, request.outputs, request.stats, resume, warn)
