@@ -29,7 +29,7 @@ CHAPTERS = {
     "rt lens": ("lenses.md",),
     "rt lightfield": ("lightfields.md", "lightfield-format.md"),
     "rt reference": ("regression.md",),
-    "rt render": ("aovs.md", "debugging.md", "reliability.md"),
+    "rt render": ("aovs.md", "debugging.md", "reliability.md", "tev.md"),
     "rt sweep": ("sweeps.md", "cluster.md"),
     "rt validate": ("warnings.md",),
 }

@@ -34,6 +34,7 @@ from raytracer.cli.base.render_request import (
     preview_job,
     skip_existing,
 )
+from raytracer.cli.base.viewer import connect_viewer, parse_viewer
 from raytracer.rendering.options import OPTIONS
 from raytracer.util.errors import InputError, Interrupted
 from raytracer.util.signals import WATCH, defer_interrupt, on_hangup
@@ -58,6 +59,7 @@ Examples:
   rt render scenes/cover.yaml --spp 4096 --cluster tcp://head:8786
   rt render scenes/cover.yaml --spp 4096 --checkpoint 5min
   rt render scenes/cover.yaml --spp 4096 --resume
+  rt render scenes/cover.yaml --spp 1024 --tev
 """
 
 # What the interpreter takes to end.
@@ -122,6 +124,14 @@ def render(
         ),
     ] = False,
     stats: options.Stats = None,
+    tev: Annotated[
+        str | None,
+        takes(
+            "[HOST:PORT]",
+            "Show the picture in the viewer tev while it is rendered, as it is in linear files.  Default: tev's own "
+            "address, 127.0.0.1:14158.  The render does not wait for a viewer; see docs/tev.md.",
+        ),
+    ] = None,
     pixel: Annotated[str | None, takes("X,Y", "With --debug: the pixel, from 0,0 in the top left corner.")] = None,
     sample: Annotated[
         int | None,
@@ -164,6 +174,8 @@ def render(
         raise InputError(_describe_half_of_debug(pixel, debug=debug))
     if debug and (resume or checkpoint is not None):
         raise InputError(f"--{'resume' if resume else 'checkpoint'} is for pictures, and --debug makes none")
+    if debug and tev is not None:
+        raise InputError("--tev is for pictures, and --debug makes none")
     sizing = options.parse_sizing(size, scale)
     named = name_pictures(scenes, output or [], image_format)
     request = Request(
@@ -175,6 +187,7 @@ def render(
         keeps_checkpoint=checkpoint is not None,
         resume=resume,
         said=Said(quiet=quiet, verbose=verbose, as_json=as_json, progress=progress),
+        tev=parse_viewer(tev),
     )
     check_together(request, scenes, no_clobber=no_clobber, debug=debug)
     jobs = list[Job]()
@@ -254,7 +267,8 @@ def _render(job: Job, call: options.Invocation) -> "Rendered":
         if (limit := wanted.time_limit) is not None:
             wanted = replace(wanted, time_limit=max(limit - _EXIT_SECONDS, 0.5 * limit))
         writer = _make_checkpoint_writer(request, bar)
-        with on_hangup(writer.request_preview), options.connect_cluster(request.cluster) as cluster:
+        shown = connect_viewer(request.tev, request.outputs[0], warn)
+        with on_hangup(writer.request_preview), options.connect_cluster(request.cluster) as cluster, shown as viewer:
             with watch_compilation(compile_bar.show):
                 prepared = prepare_scene(
                     spec,
@@ -268,7 +282,9 @@ def _render(job: Job, call: options.Invocation) -> "Rendered":
             # From here on there is something to lose.
             with WATCH.on_first_signal(defer_interrupt):
                 try_saving = partial(dry_run_save, outputs=request.outputs)
-                rendered = render_prepared(prepared, progress=show, dry_run_save=try_saving, checkpoint_writer=writer)
+                rendered = render_prepared(
+                    prepared, progress=show, dry_run_save=try_saving, checkpoint_writer=writer, observer=viewer
+                )
                 if request.said.progress == "json":
                     samples, seconds = rendered.stats.samples, rendered.stats.seconds["render"]
                     bar.show(Progress(samples, samples, seconds))

@@ -4,10 +4,7 @@ All constants are measured, on Linux with glibc, by the peak of the resident mem
 estimate was within a quarter of the peak for every render tried (docs/reliability.md).
 """
 
-import contextlib
-import sys
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from raytracer.core.error_estimate.halves import FIRST_SPP
@@ -19,6 +16,7 @@ from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.scene.cache import RenderCache
 from raytracer.scene.pack.scene import PackedScene
 from raytracer.util.errors import InputError
+from raytracer.util.machine import memory_limits
 
 if TYPE_CHECKING:
     from raytracer.core.embree import InstanceArray
@@ -188,13 +186,6 @@ def resident_bytes() -> int:
     return int(psutil.Process().memory_info().rss)
 
 
-class MemoryLimit(NamedTuple):
-    """Bytes that this process may add to its memory, and the source of this limit."""
-
-    bytes: int
-    source: str
-
-
 def check_memory(needed: MemoryEstimate, limit: int | None = None) -> None:
     """Check that there is as much memory as is needed.
 
@@ -233,82 +224,3 @@ _HELP = {
 
 def _format_bytes(size: float) -> str:
     return f"{size / _GIGABYTE:.3g} GB" if size >= _GIGABYTE else f"{size / _MEGABYTE:.0f} MB"
-
-
-# ---- Available memory
-
-
-def memory_limits() -> Iterator[MemoryLimit]:
-    """List all limits of the memory that this process may add, as far as they are known here."""
-    import psutil
-
-    machine = psutil.virtual_memory()
-    yield MemoryLimit(int(machine.available) + int(psutil.swap_memory().free), "free on this machine")
-    with contextlib.suppress(ImportError):
-        # Windows has none.
-        import resource
-
-        soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-        if soft != resource.RLIM_INFINITY:
-            left = max(0, soft - int(psutil.Process().memory_info().vms))
-            yield MemoryLimit(left, "left of the limit on this process's address space (ulimit -v)")
-    if sys.platform == "linux":
-        left_in_group = cgroup_bytes_left()
-        if left_in_group is not None:
-            yield MemoryLimit(left_in_group, "left of the limit on this control group (container or job)")
-
-
-def cgroup_bytes_left(mounts: Path = Path("/sys/fs/cgroup"), groups: Path = Path("/proc/self/cgroup")) -> int | None:
-    """Return the bytes that the control groups of this process leave it; None where none has a limit.
-
-    mounts, groups : folder in which Linux shows the groups, and file that lists those of this process.
-
-    References: Linux, Documentation/admin-guide/cgroup-v2.rst (memory.max, memory.current, memory.stat) and
-        cgroup-v1/memory.rst.
-    """
-    with contextlib.suppress(OSError):
-        lines = [line.split(":", 2) for line in groups.read_text().splitlines()]
-        left: list[int] = []
-        for line in lines:
-            if len(line) != 3:
-                continue
-            _, controllers, path = line
-            if controllers == "":
-                left += _each_cgroup_left(mounts, path, _V2)
-            elif "memory" in controllers.split(","):
-                left += _each_cgroup_left(mounts / "memory", path, _V1)
-        return min(left, default=None)
-    return None
-
-
-# Files of a control group: limit, memory in use, limit and use of swap; and the entry of memory.stat for pages that the
-# system gives back at need.
-_V2 = ("memory.max", "memory.current", "memory.swap.max", "memory.swap.current", "file")
-_V1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "", "", "total_cache")
-
-
-def _each_cgroup_left(mount: Path, path: str, names: tuple[str, ...]) -> Iterator[int]:
-    """List the bytes that a group, and each that it is in, leave."""
-    import psutil
-
-    inside = [part for part in path.split("/") if part not in ("", "..", ".")]
-    for depth in range(len(inside), -1, -1):
-        folder = mount.joinpath(*inside[:depth])
-        most, now, swap_most, swap_now = (_number(folder / name) if name else None for name in names[:4])
-        if most is None or now is None:
-            continue
-        cached = 0
-        with contextlib.suppress(OSError, ValueError):
-            statistics = dict(line.split(None, 1) for line in (folder / "memory.stat").read_text().splitlines())
-            cached = int(statistics.get(names[4], 0))
-        swap = int(psutil.swap_memory().free)
-        if swap_most is not None:
-            swap = min(swap, max(0, swap_most - (swap_now or 0)))
-        yield max(0, most - now + cached + swap)
-
-
-def _number(path: Path) -> int | None:
-    """Read the number in a file; None if there is none, as where it says `max`."""
-    with contextlib.suppress(OSError, ValueError):
-        return int(path.read_text())
-    return None

@@ -14,6 +14,7 @@ from raytracer.rendering.checked_options import check_options
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.compilation import PreparedScene, compile_kernel
 from raytracer.rendering.develop import check_development
+from raytracer.rendering.observer import RenderObserver
 from raytracer.rendering.options import RenderOptions, called_with
 from raytracer.rendering.progress import CompileBar, Progress, SampleBar
 from raytracer.rendering.session import Rendered, RenderSession
@@ -144,14 +145,23 @@ def render_prepared(
     progress: Callable[[Progress], None] | None = None,
     dry_run_save: Callable[[Image], object] | None = None,
     checkpoint_writer: CheckpointWriter | None = None,
+    observer: RenderObserver | None = None,
 ) -> Rendered:
     """Render a prepared scene, and develop the picture; parameters are those of `render`.
+
+    observer : looks at the picture while it is rendered, and takes it at the end; None for nobody.
 
     Raises
     ------
     InputError : the picture has too many pixels to be rendered at once, or a checkpoint is of another one.
     """
-    return RenderSession(prepared, progress, dry_run_save, checkpoint_writer).run()
+    session = RenderSession(prepared, progress, dry_run_save, checkpoint_writer)
+    if observer is None:
+        return session.run()
+    with observer.observe(session):
+        rendered = session.run()
+    observer.finish(rendered.image)
+    return rendered
 
 
 def prepare_scene(

@@ -12,8 +12,9 @@ from raytracer.film.negative_pixels import find_negative_pixels
 from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.compilation import PreparedScene
-from raytracer.rendering.develop import develop_image, negative_causes
+from raytracer.rendering.develop import develop_image, film_process, negative_causes
 from raytracer.rendering.diagnostics import diagnose_samples
+from raytracer.rendering.film_region import FilmRegion
 from raytracer.rendering.progress import Progress, ProgressReporter
 from raytracer.rendering.resumable_state import ResumableState
 from raytracer.rendering.statistics import PhaseTimer, Stats, image_header, peak_rss_bytes
@@ -45,7 +46,10 @@ class Rendered(NamedTuple):
 
 
 class RenderSession:
-    """One render of a prepared scene; see `render.render_prepared`."""
+    """One render of a prepared scene; see `render.render_prepared`.
+
+    While `run` is under way in one thread, others may look at its film.
+    """
 
     def __init__(
         self,
@@ -75,6 +79,26 @@ class RenderSession:
         estimator = ErrorEstimator(self._windows, sampler_exponent(self._spec.render.sampler))
         view = self._region.view()
         self._queue = TileQueue(self._scene, view, self._windows, self._pool, estimator, prepared.remote)
+
+    @property
+    def region(self) -> FilmRegion:
+        """Return the film, to which threads may be adding: what a pixel holds just then may be of two passes."""
+        return self._region
+
+    @property
+    def queue(self) -> TileQueue:
+        """Return the tiles, with the samples that they have."""
+        return self._queue
+
+    @property
+    def is_radiance(self) -> bool:
+        """Tell if pixels of the picture are those of the film, without an exposure."""
+        process = film_process(self._spec)
+        return process.exposure is None and process.white_balance is None
+
+    def develop(self) -> Image:
+        """Make the picture of the film as it is, without its layers and with its noise."""
+        return develop_image(self._region, self._spec)[0]
 
     def run(self) -> Rendered:
         """Render the samples, and develop the picture.

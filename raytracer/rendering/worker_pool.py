@@ -1,6 +1,5 @@
 """The threads that take samples, and the interface of a cluster that takes them in their place."""
 
-import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,17 +13,11 @@ from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.tile_job import TileJob, TileResult
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import OutputError
+from raytracer.util.machine import available_threads as available_threads  # noqa: PLC0414
 
 Item = TypeVar("Item")
 
 _POLL_SECONDS = 0.1
-
-
-def available_threads() -> int:
-    """Count the processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 class WorkerPool:

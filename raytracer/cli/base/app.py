@@ -25,6 +25,7 @@ from typer.exceptions import TyperException
 import raytracer.cli
 from raytracer.cli.base.completion import VARIABLE, command_to_complete
 from raytracer.cli.base.defaults import default_map
+from raytracer.cli.base.optional_values import add_left_out_values
 from raytracer.cli.base.options import Invocation
 from raytracer.util.errors import InputError, Interrupted, OutputError, StrictError, one_line
 from raytracer.util.signals import WATCH, defer_interrupt
@@ -164,7 +165,7 @@ def _discard(stream: TextIO) -> None:
 
 def _run(arguments: Sequence[str] | None, began: float) -> int:
     """Run a command that has begun at a time of `time.perf_counter`."""
-    call = Invocation(began, tuple(sys.argv[1:] if arguments is None else arguments))
+    call = Invocation(began, tuple(add_left_out_values(sys.argv[1:] if arguments is None else arguments)))
     try:
         # The other commands are not imported: a tenth of a second.
         app = application(next(iter(call.words), None) or command_to_complete(os.environ))
@@ -173,7 +174,7 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
 
             completion_init()
         defaults = default_map(call.words, os.environ)
-        status = app(arguments, prog_name="rt", standalone_mode=False, obj=call, default_map=defaults)
+        status = app(call.words, prog_name="rt", standalone_mode=False, obj=call, default_map=defaults)
         if status == _TYPERS_INTERRUPTED:
             raise KeyboardInterrupt
         try:

@@ -14,6 +14,7 @@ from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     from raytracer.rendering.progress import CompileBar, ProgressLines, SampleBar
+    from raytracer.rendering.tev.viewer import Address
     from raytracer.scene.spec import SceneSpec
 
 ProgressForm = Literal["bar", "json", "off"]
@@ -51,6 +52,7 @@ class Request(NamedTuple):
     checkpoint (s) : time between checkpoints; None for no checkpoints.
     keeps_checkpoint : the checkpoint stays after a render that is complete.
     resume : go on from the checkpoint.
+    tev : address of a viewer.
     """
 
     outputs: list[Path]
@@ -61,6 +63,7 @@ class Request(NamedTuple):
     keeps_checkpoint: bool
     resume: bool
     said: Said
+    tev: "Address | None"
 
 
 class Job(NamedTuple):

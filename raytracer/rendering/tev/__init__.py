@@ -1,0 +1,1 @@
+"""Pictures in the viewer tev while they are rendered, by its protocol."""
