@@ -26,6 +26,7 @@ CHAPTERS = {
     "rt check": ("regression.md",),
     "rt compare": ("comparing.md",),
     "rt cost": ("costs.md",),
+    "rt doctor": ("install.md",),
     "rt lens": ("lenses.md",),
     "rt lightfield": ("lightfields.md", "lightfield-format.md"),
     "rt reference": ("regression.md",),

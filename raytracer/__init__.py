@@ -13,8 +13,6 @@ import importlib
 import threading
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
-
 if TYPE_CHECKING:
     from raytracer import lightfield
     from raytracer.analysis.compare import compare
@@ -53,6 +51,8 @@ if TYPE_CHECKING:
     )
     from raytracer.scene.spec import SceneSpec as Scene
     from raytracer.util.errors import InputError, OutputError, SceneWarning
+
+    __version__: str
 
 __all__ = [
     "AutoExposure",
@@ -120,6 +120,8 @@ _importing = threading.RLock()
 
 def __getattr__(name: str) -> Any:
     """Import a name when it is first used: the compiler takes a third of a second."""
+    if name == "__version__":
+        return globals().setdefault(name, _installed_version())
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, member = _HOMES.get(name, ("raytracer.scene.python_api", name))
@@ -128,6 +130,17 @@ def __getattr__(name: str) -> Any:
         found = getattr(home, member) if member else home
     globals()[name] = found
     return found
+
+
+def _installed_version() -> str:
+    """Return the version of the installed package, which the build has made of the last tag; finding it takes 50 ms."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("raytracer")
+    except PackageNotFoundError:
+        # Sources that are on the path, and not installed.
+        return "0+unknown"
 
 
 def __dir__() -> list[str]:
