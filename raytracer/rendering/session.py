@@ -14,6 +14,7 @@ from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.develop import develop_image, negative_causes
 from raytracer.rendering.diagnostics import diagnose_samples
+from raytracer.rendering.film_region import FilmRegion
 from raytracer.rendering.progress import Progress, ProgressReporter
 from raytracer.rendering.resumable_state import ResumableState
 from raytracer.rendering.statistics import PhaseTimer, Stats, image_header, peak_rss_bytes
@@ -44,8 +45,15 @@ class Rendered(NamedTuple):
     failure: str | None = None
 
 
+class Cancelled(Exception):  # noqa: N818
+    """The render was cancelled, and has no picture."""
+
+
 class RenderSession:
-    """One render of a prepared scene; see `render.render_prepared`."""
+    """One render of a prepared scene; see `render.render_prepared`.
+
+    While `run` is under way in one thread, others may look at its film, and cancel it.
+    """
 
     def __init__(
         self,
@@ -75,6 +83,22 @@ class RenderSession:
         estimator = ErrorEstimator(self._windows, sampler_exponent(self._spec.render.sampler))
         view = self._region.view()
         self._queue = TileQueue(self._scene, view, self._windows, self._pool, estimator, prepared.remote)
+        self._is_cancelled = False
+
+    @property
+    def region(self) -> FilmRegion:
+        """Return the film, to which threads may be adding: what a pixel holds just then may be of two passes."""
+        return self._region
+
+    @property
+    def queue(self) -> TileQueue:
+        """Return the tiles, with the samples that they have."""
+        return self._queue
+
+    def cancel(self) -> None:
+        """End the render as soon as it can, without a picture: `run` raises Cancelled."""
+        self._is_cancelled = True
+        self._pool.stop()
 
     def run(self) -> Rendered:
         """Render the samples, and develop the picture.
@@ -82,9 +106,10 @@ class RenderSession:
         Raises
         ------
         InputError : the checkpoint to go on from is of another picture.
+        Cancelled : `cancel` was called.
         """
         # A field would make a cycle of references, by which scenes and films would outlive their render.
-        state = ResumableState(self._prepared, self._queue, self._timer, self._preview)
+        state = ResumableState(self._prepared, self._queue, self._timer, self.picture)
         self._resume(state)
         deadline = self._render_with_checkpoints(state)
         if self._writer is not None:
@@ -95,6 +120,8 @@ class RenderSession:
         if not self._options.is_adaptive:
             # Those of a packet that is not whole, which no checkpoint can hold.
             self._queue.render_passes(self._spec.render.spp, deadline)
+        if self._is_cancelled:
+            raise Cancelled
         return self._finish(state.outcome)
 
     def _resume(self, state: ResumableState) -> None:
@@ -153,7 +180,7 @@ class RenderSession:
         complete = outcome.reached and not interrupted
         return Rendered(image, stats, complete, interrupted, int(queue.counts.min()), exposure, self._pool.failure)
 
-    def _preview(self, outcome: Outcome) -> Image:
+    def picture(self, outcome: Outcome) -> Image:
         """Make the picture of the samples so far."""
         stats = Stats()
         stats.record_samples(self._queue, outcome)
