@@ -203,8 +203,8 @@ class LiveEngine:
             with session.queue.pool.film_read_lock():
                 self._save()
         if self._is_paused and not session.queue.pool.is_stopped:
-            self._set(job, status=Status.PAUSED)
             with session.queue.pool.film_read_lock():
+                self._set(job, status=Status.PAUSED)
                 self._wait_while_paused(session)
             self._set(job, status=Status.RENDERING)
         self._set(job, seconds=progress.seconds, error=progress.error)
