@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from raytracer.schema.yaml_nodes import Node, SourceLocation, node_of, override
-from raytracer.schema.yaml_parser import parse
+from raytracer.schema.yaml_parser import parse, scalar
 from raytracer.util.errors import InputError
 
 
@@ -117,6 +117,7 @@ def _scalar(value: Any) -> str:
     if isinstance(value, float):
         return repr(value).removesuffix(".0") if value not in (float("inf"), float("-inf")) else f"{value}"
     if isinstance(value, str):
-        # Quoted where a plain word would be something else.
-        return str(yaml.safe_dump(value, default_flow_style=True)).removesuffix("\n").removesuffix("\n...")
+        # Quoted where a plain word would be something else, in YAML 1.1 or in the core schema.
+        plain = str(yaml.safe_dump(value)).removesuffix("\n").removesuffix("\n...")
+        return plain if scalar(plain) == value else "'" + value.replace("'", "''") + "'"
     return str(value)
