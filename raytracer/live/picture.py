@@ -12,7 +12,7 @@ from raytracer.film.film import Film
 from raytracer.film.image import Image
 from raytracer.rendering.adaptive_sampling import Outcome
 from raytracer.rendering.compilation import PreparedScene
-from raytracer.rendering.develop import develop_image
+from raytracer.rendering.develop import develop_image, expose_radiance
 from raytracer.rendering.film_region import FilmRegion
 from raytracer.rendering.session import Rendered, RenderSession
 
@@ -52,13 +52,19 @@ class PictureSource:
         """Develop the picture so far; pixels without a sample are those of the preview below."""
         if self.rendered is not None:
             return self.rendered.image
-        region, below = self.session.region, self.below
-        if below is None or region.film.count.all():
+        region, mean = self.session.region, self._mean()
+        if mean is region.film.mean:
             return self.session.picture(Outcome(reached=False, pilot_samples=0, pilot_rays=0))
         film = region.film
-        mean = np.where((film.count > 0)[..., None], film.mean, below)
         seen = FilmRegion(Film(mean, film.m2, film.count, film.nan_count, film.removed), region.recording)
         return develop_image(seen, self.prepared.packed.spec, self.prepared.options)[0]
+
+    def _mean(self) -> NDArray[np.float64]:
+        """Return the radiance so far; pixels without a sample are those of the preview below."""
+        film = self.session.region.film
+        if self.below is None or film.count.all():
+            return film.mean
+        return np.where((film.count > 0)[..., None], film.mean, self.below)
 
     def layer(self, name: str) -> NDArray[np.float32]:
         """Return a layer of the picture, float32 (height, width, channels); zero where it is not known.
@@ -71,6 +77,8 @@ class PictureSource:
             raise KeyError(name)
         if name == SAMPLES:
             return _as_frame(self.session.region.film.count)
+        if name == RADIANCE and self.rendered is None:
+            return _as_frame(expose_radiance(self._mean(), self.prepared.packed.spec))
         image = self.image()
         if name == RADIANCE:
             return _as_frame(image.radiance)

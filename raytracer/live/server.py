@@ -25,11 +25,14 @@ from raytracer.util.errors import InputError, OutputError
 
 HOST = "127.0.0.1"
 
-FRAME_SECONDS = 0.15
+FRAME_SECONDS = 0.2
 """Shortest time between two frames of one render."""
 
-FRAME_SHARE = 40.0
-"""Frames come no more often than that making one takes a fortieth of the time, of one processor."""
+FRAME_SHARE = 25.0
+"""Frames are so rare that making one, and drawing it, each take at most a 25th of the time of one processor."""
+
+# Seconds that a page may say that a frame takes to be drawn.
+_MAX_DRAWING = 0.2
 
 # What a page may send at once: a few keys.
 _MAX_MESSAGE = 4096
@@ -164,6 +167,8 @@ class _Client:
         self._layer = RADIANCE
         # The mark of the frame that the page has.
         self._sent: Any = None
+        # When the next frame of the same render may be sent.
+        self._due = 0.0
         self._is_ready = True
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -196,7 +201,6 @@ class _Client:
     async def _send(self) -> None:
         """Send the state when it changes, and frames as often as the page takes them and rendering allows."""
         state: str | None = None
-        due = 0.0
         while not self._socket.closed:
             text = _json({"kind": "state", **self._view.state()})
             if text != state:
@@ -204,11 +208,11 @@ class _Client:
                 await self._socket.send_str(text)
             mark: Any = self._view.mark()
             is_other = mark is not None and (self._sent is None or mark[:3] != self._sent[:3])
-            if self._is_ready and mark is not None and mark != self._sent and (is_other or perf_counter() >= due):
+            if self._is_ready and mark is not None and mark != self._sent and (is_other or perf_counter() >= self._due):
                 began = perf_counter()
                 self._sent, self._is_ready = mark, False
                 await self._send_frame()
-                due = began + max(FRAME_SECONDS, FRAME_SHARE * (perf_counter() - began))
+                self._due = began + max(FRAME_SECONDS, FRAME_SHARE * (perf_counter() - began))
             self._news.clear()
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._news.wait(), FRAME_SECONDS)
@@ -234,6 +238,10 @@ class _Client:
             return
         if message.get("do") == "ready":
             self._is_ready = True
+            # What drawing has taken, in ms, is taken from the render, where both have the same processors.
+            drawing = message.get("drawing")
+            if isinstance(drawing, int | float):
+                self._due = max(self._due, perf_counter() + FRAME_SHARE * min(1e-3 * drawing, _MAX_DRAWING))
             self._news.set()
             return
         if message.get("do") == "layer":

@@ -40,12 +40,13 @@ function keepBefore(next) {
 }
 
 function take(next) {
+  const began = performance.now();
   keepBefore(next);
   frame = next;
   draw_frame();
   Object.assign(document.body.dataset, { job: next.job, step: next.step, done: next.done, samples: next.samples, layer: next.layer });
   document.body.dataset.first ??= performance.now();
-  send({ do: "ready" });
+  send({ do: "ready", drawing: performance.now() - began });
 }
 
 /* The display's value, 0..255, by sixteenths of sixteenths of stops from STOP_LOW on. */
