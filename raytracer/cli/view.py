@@ -63,6 +63,8 @@ def view(
             raise InputError("rt view needs aiohttp: pip install 'raytracer[view]'") from None
         with LiveServer(live, port) as server:
             print(server.address, flush=True)
+            for sentence in live.state()["errors"]:
+                say(sentence)
             if not no_open:
                 _open(server.address)
             _wait()
