@@ -59,11 +59,14 @@ def chromium(request):
 
 @pytest.fixture
 def open_page(chromium):
-    """Open a file, with a #fragment or none, in a window of some size, light or dark (`color_scheme="dark"`)."""
-    taken, complaints = [], []
+    """Open a file, with a #fragment or none, in a window of some size, light or dark (`color_scheme="dark"`).
+
+    In place of the file it takes the address of a local server's page, which may ask that server for what is below it.
+    """
+    taken, complaints, served = [], [], []
 
     def note_request(request):
-        if not request.url.startswith(("file:", "data:", "blob:")):
+        if not request.url.startswith(("file:", "data:", "blob:", *served)):
             complaints.append(f"request: {request.url}")
 
     heard = {
@@ -81,7 +84,9 @@ def open_page(chromium):
         page.set_default_timeout(20_000)
         for event, listener in heard.items():
             page.on(event, listener)
-        page.goto(path.resolve().as_uri() + fragment)
+        if isinstance(path, str):
+            served.append(path)
+        page.goto((path if isinstance(path, str) else path.resolve().as_uri()) + fragment)
         return page
 
     yield opened

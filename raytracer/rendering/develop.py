@@ -5,6 +5,9 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from raytracer.film.exposure import CropWindow, ExposureResult
 from raytracer.film.film import develop
 from raytracer.film.image import Image
@@ -100,6 +103,15 @@ def develop_image(
     image, exposure = develop_photograph(image, film_process(spec), _crop_frame(spec, window), spec.render.seed, units)
     lap("develop")
     return image, exposure
+
+
+def expose_radiance(mean: NDArray[np.float64], spec: SceneSpec) -> NDArray[np.float64]:
+    """Expose a whole picture as the camera says, without its variance and layers: for a look at it."""
+    process = film_process(spec)
+    if process.exposure is None and process.white_balance is None:
+        return mean
+    frame = _crop_frame(spec, Window(0, 0, *spec.picture()))
+    return develop_photograph(Image(mean), process, frame, spec.render.seed, {})[0].radiance
 
 
 def _crop_frame(spec: SceneSpec, window: Window) -> CropWindow:

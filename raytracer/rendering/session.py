@@ -45,10 +45,14 @@ class Rendered(NamedTuple):
     failure: str | None = None
 
 
+class Cancelled(Exception):  # noqa: N818
+    """The render was cancelled, and has no picture."""
+
+
 class RenderSession:
     """One render of a prepared scene; see `render.render_prepared`.
 
-    While `run` is under way in one thread, others may look at its film.
+    While `run` is under way in one thread, others may look at its film, and cancel it.
     """
 
     def __init__(
@@ -79,6 +83,7 @@ class RenderSession:
         estimator = ErrorEstimator(self._windows, sampler_exponent(self._spec.render.sampler))
         view = self._region.view()
         self._queue = TileQueue(self._scene, view, self._windows, self._pool, estimator, prepared.remote)
+        self._is_cancelled = False
 
     @property
     def region(self) -> FilmRegion:
@@ -89,6 +94,11 @@ class RenderSession:
     def queue(self) -> TileQueue:
         """Return the tiles, with the samples that they have."""
         return self._queue
+
+    def cancel(self) -> None:
+        """End the render as soon as it can, without a picture: `run` raises Cancelled."""
+        self._is_cancelled = True
+        self._pool.stop()
 
     @property
     def is_radiance(self) -> bool:
@@ -106,9 +116,10 @@ class RenderSession:
         Raises
         ------
         InputError : the checkpoint to go on from is of another picture.
+        Cancelled : `cancel` was called.
         """
         # A field would make a cycle of references, by which scenes and films would outlive their render.
-        state = ResumableState(self._prepared, self._queue, self._timer, self._preview)
+        state = ResumableState(self._prepared, self._queue, self._timer, self.picture)
         self._resume(state)
         deadline = self._render_with_checkpoints(state)
         if self._writer is not None:
@@ -119,6 +130,8 @@ class RenderSession:
         if not self._options.is_adaptive:
             # Those of a packet that is not whole, which no checkpoint can hold.
             self._queue.render_passes(self._spec.render.spp, deadline)
+        if self._is_cancelled:
+            raise Cancelled
         return self._finish(state.outcome)
 
     def _resume(self, state: ResumableState) -> None:
@@ -177,7 +190,7 @@ class RenderSession:
         complete = outcome.reached and not interrupted
         return Rendered(image, stats, complete, interrupted, int(queue.counts.min()), exposure, self._pool.failure)
 
-    def _preview(self, outcome: Outcome) -> Image:
+    def picture(self, outcome: Outcome) -> Image:
         """Make the picture of the samples so far."""
         stats = Stats()
         stats.record_samples(self._queue, outcome)

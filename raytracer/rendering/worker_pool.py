@@ -47,6 +47,10 @@ class WorkerPool:
         """Tell if all work is to end as soon as it can."""
         return self._stopped.is_set()
 
+    def stop(self) -> None:
+        """End all work as soon as it can; any thread may call it."""
+        self._stopped.set()
+
     @contextmanager
     def stop_on_interrupt(self) -> Iterator[None]:
         """Take a KeyboardInterrupt in the `with` block as the end of all work, and go on after the block.

@@ -82,6 +82,11 @@ def _templates() -> "Environment":
     )
 
 
+def joined(names: Sequence[str], suffix: str) -> str:
+    """Join those of the files in this folder that exist, for a page that a server sends in parts."""
+    return "\n".join(_texts(names, suffix))
+
+
 def _texts(names: Sequence[str], suffix: str) -> Iterator[str]:
     """Read those of the files in this folder that exist."""
     for name in names:

@@ -5,7 +5,7 @@ seen; any other cutout counts as solid, in its holes too.
 """
 
 from collections.abc import Set
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from raytracer.core.embree import Accel, RayHit
 from raytracer.core.primitives.base.interface import row_of
+from raytracer.core.vec import Vec3
 from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.scene.object_bounds import ObjectBounds
 from raytracer.scene.pack.objects import Objects
@@ -80,7 +81,6 @@ def _distance_seen(spec: SceneSpec, world: PackedWorld, accel: Accel) -> float:
     clear = {reference for material, reference in materials if material.is_invisible()}
     origin = (0.0, 0.0, 0.0) if world.origin is None else world.origin.world
     camera: Any = camera_at_time(spec.camera, mid_exposure_time(spec))
-    frame = camera.frame()
     width, height = spec.film.width, spec.film.height
     x, y = camera.focus_at
     distance, tried = np.inf, set()
@@ -92,28 +92,56 @@ def _distance_seen(spec: SceneSpec, world: PackedWorld, accel: Accel) -> float:
         except ValueError:
             # Nearer than the camera can focus there is no image to look at.
             return distance
-        axes = np.array([frame.right, frame.up, frame.forward])
-        stretch = float(np.linalg.norm(direction))
-        hit_distance = _first_hit_distance(
-            world.objects, clear, accel, np.subtract(frame.origin, origin) + start @ axes, direction @ axes / stretch
-        )
-        distance = float(start[2]) + hit_distance * float(direction[2]) / stretch
+        ray = world_ray(camera, start, direction, origin)
+        hit = first_visible_hit(world.objects, clear, accel, ray)
+        distance = ray.depth(np.inf if hit is None else hit.distance)
         if distance in tried:
             break
         tried.add(distance)
     return distance
 
 
-def _first_hit_distance(
-    objects: Objects, clear: Set[int], accel: Accel, origin: Any, direction: NDArray[np.float64]
-) -> float:
-    """Compute the distance to the first visible surface (m)."""
+class WorldRay(NamedTuple):
+    """A ray through a place in the frame, in packed coordinates.
+
+    start, direction : (3,), the direction a unit vector.
+    start_depth, cosine : distance of the start along the axis (m), and how much of each metre goes along it.
+    """
+
+    start: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    start_depth: float
+    cosine: float
+
+    def depth(self, distance: float) -> float:
+        """Return the distance along the axis (m) of a point at a distance along the ray."""
+        return self.start_depth + distance * self.cosine
+
+
+def world_ray(camera: Any, start: NDArray[np.float64], direction: NDArray[np.float64], origin: Vec3) -> WorldRay:
+    """Take the ray of a place in the frame, as `film_to_ray` gives it, into a world packed around an origin."""
+    frame = camera.frame()
+    axes = np.array([frame.right, frame.up, frame.forward])
+    stretch = float(np.linalg.norm(direction))
+    return WorldRay(
+        np.subtract(frame.origin, origin) + start @ axes,
+        direction @ axes / stretch,
+        float(start[2]),
+        float(direction[2]) / stretch,
+    )
+
+
+def first_visible_hit(objects: Objects, clear: Set[int], accel: Accel, ray: WorldRay) -> RayHit | None:
+    """Find the first visible surface that a ray meets in the middle of the exposure; None if there is none.
+
+    clear : references of invisible materials.
+    """
     beyond = 0.0
-    while (hit := accel.cast(origin, direction, beyond=beyond, time=_MIDDLE)) is not None:
+    while (hit := accel.cast(ray.start, ray.direction, beyond=beyond, time=_MIDDLE)) is not None:
         if _material(objects, hit) not in clear:
-            return hit.distance
+            return hit
         beyond = float(np.nextafter(np.float32(hit.distance), np.float32(np.inf)))
-    return np.inf
+    return None
 
 
 def _material(objects: Objects, hit: RayHit) -> int:
