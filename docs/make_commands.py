@@ -33,6 +33,7 @@ CHAPTERS = {
     "rt render": ("aovs.md", "debugging.md", "reliability.md", "tev.md"),
     "rt sweep": ("sweeps.md", "cluster.md"),
     "rt validate": ("warnings.md",),
+    "rt view": ("live.md",),
 }
 """Documents that say more of a command and of those below it."""
 

@@ -241,7 +241,8 @@ class _Client:
             # What drawing has taken, in ms, is taken from the render, where both have the same processors.
             drawing = message.get("drawing")
             if isinstance(drawing, int | float):
-                self._due = max(self._due, perf_counter() + FRAME_SHARE * min(1e-3 * drawing, _MAX_DRAWING))
+                seconds = 1e-3 * drawing
+                self._due = max(self._due, perf_counter() + FRAME_SHARE * min(seconds, _MAX_DRAWING))
             self._news.set()
             return
         if message.get("do") == "layer":

@@ -12,6 +12,7 @@ from raytracer.rendering.render import render
 from raytracer.scene.load import load
 from raytracer.util.errors import InputError
 from tests.live.conftest import SCENE, done, until
+from tests.repository import ROOT
 
 # Enough samples that a render is under way whatever is done meanwhile.
 LONG = ("spp: 32", "spp: 100000000")
@@ -72,11 +73,12 @@ def test_an_edit_is_rendered_and_an_error_keeps_the_picture_until_it_is_mended(l
     until(lambda: live.state()["job"] == 2)
     done(live)
     assert live.frame().pixels.max() == 3.0
-    edit(scene, "f_number: 2 ", "f_numbr: x ")
-    errors = until(lambda: live.state()["errors"])
-    assert errors[0].startswith(f"{scene}:8: camera.f_numbr: ")
+    edit(scene, "f_number: 2 ", "f_numbr: 2 ")
+    (error,) = until(lambda: live.state()["errors"])
+    assert error.startswith(f"{scene}:8: camera.f_numbr: ")
+    assert error.replace(str(scene), scene.name) in (ROOT / "docs" / "live.md").read_text(encoding="utf-8")
     assert live.frame().pixels.max() == 3.0
-    edit(scene, "f_numbr: x ", "f_number: 2 ")
+    edit(scene, "f_numbr: 2 ", "f_number: 2 ")
     until(lambda: not live.state()["errors"])
     assert done(live)["job"] == 2
 

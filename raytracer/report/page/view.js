@@ -46,6 +46,7 @@ function take(next) {
   draw_frame();
   Object.assign(document.body.dataset, { job: next.job, step: next.step, done: next.done, samples: next.samples, layer: next.layer });
   document.body.dataset.first ??= performance.now();
+  if (next.done && pointed !== null) send({ do: "values", x: pointed[0], y: pointed[1] });
   send({ do: "ready", drawing: performance.now() - began });
 }
 
@@ -163,6 +164,7 @@ function drawHistogram() {
 // ---- The pixel under the pointer
 
 let asked = null;
+let pointed = null;
 
 function placeOf(event) {
   const box = find(".wipe-stage").getBoundingClientRect();
@@ -173,7 +175,8 @@ const isInside = ([x, y]) => x >= 0 && x < 1 && y >= 0 && y < 1;
 
 function point(event) {
   const [x, y] = placeOf(event);
-  if (frame === null || !isInside([x, y])) return;
+  pointed = frame !== null && isInside([x, y]) ? [x, y] : null;
+  if (pointed === null) return;
   clearTimeout(asked);
   asked = setTimeout(() => send({ do: "values", x, y }), 80);
 }
