@@ -92,7 +92,8 @@ def test_what_a_new_user_is_told_is_printed(name: str, folder: Path) -> None:
     told = [(words, [line for line in output if line.strip() not in ("...", "")]) for words, output in commands(name)]
     for (verb, scene, *words), output in told:
         if verb == "explain":
-            printed = {same(line) for line in explain(load(scene, overrides(words))).text().splitlines()}
+            explanation = explain(load(scene, overrides(words)), every_key="--all" in words)
+            printed = {same(line) for line in explanation.text().splitlines()}
             assert {same(line) for line in output} <= printed
         elif output:
             # A mistake: in the line that the page names, or by an override.
@@ -139,7 +140,7 @@ def test_all_commands_of_a_new_user_work_in_the_order_of_the_page(name: str, fol
 def test_effects_of_scenes_are_those_of_the_page() -> None:
     text = PAGES["only-what-is-called-for"]
     (shown,) = (output for (verb, *_), output in commands("only-what-is-called-for") if verb == "explain")
-    cover = explain(load(ROOT / "scenes" / "cover.yaml"))
+    cover = explain(load(ROOT / "scenes" / "cover.yaml"), every_key=True)
     assert {same(line) for line in shown} - {"..."} <= {same(line) for line in cover.text().splitlines()}
     assert f"Seven effects of {len(cover.effects)}" in text
     rows = re.findall(r"^\| `(scenes/\w+\.yaml)` \| (\d+) \|", text, re.MULTILINE)
