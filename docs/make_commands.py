@@ -24,13 +24,17 @@ OUTPUT = Path(__file__).parent / "reference" / "commands"
 
 CHAPTERS = {
     "rt check": ("regression.md",),
+    "rt completion": ("command-line.md",),
+    "rt config": ("command-line.md",),
+    "rt convert": ("command-line.md",),
     "rt compare": ("comparing.md",),
     "rt cost": ("costs.md",),
     "rt doctor": ("install.md",),
     "rt lens": ("lenses.md",),
     "rt lightfield": ("lightfields.md", "lightfield-format.md"),
+    "rt new": ("command-line.md",),
     "rt reference": ("regression.md",),
-    "rt render": ("aovs.md", "debugging.md", "reliability.md", "tev.md"),
+    "rt render": ("command-line.md", "aovs.md", "debugging.md", "reliability.md", "tev.md"),
     "rt sweep": ("sweeps.md", "cluster.md"),
     "rt validate": ("warnings.md",),
     "rt view": ("live.md",),

@@ -103,14 +103,14 @@ def test_names_of_python_exist(name: str) -> None:
 
 def test_pages_show_what_is_explained_of_shipped_scenes() -> None:
     shown = [
-        (ROOT / words[1], {same(line) for line in output} - {"..."})
+        (ROOT / words[1], "--all" in words, {same(line) for line in output} - {"..."})
         for name in PAGES
         for words, output in commands(name)
         if words[0] == "explain" and words[1].startswith("scenes/") and output
     ]
     assert len(shown) >= 3
-    for scene, lines in shown:
-        assert lines <= {same(line) for line in explain(load(scene)).text().splitlines()}, scene
+    for scene, every_key, lines in shown:
+        assert lines <= {same(line) for line in explain(load(scene), every_key=every_key).text().splitlines()}, scene
 
 
 # ---- The tutorial, and README's five minutes
@@ -130,7 +130,8 @@ def test_what_a_new_user_is_told_is_printed(name: str, folder: Path) -> None:
     told = [(words, [line for line in output if line.strip() not in ("...", "")]) for words, output in commands(name)]
     for (verb, scene, *words), output in told:
         if verb == "explain":
-            printed = {same(line) for line in explain(load(scene, overrides(words))).text().splitlines()}
+            explanation = explain(load(scene, overrides(words)), every_key="--all" in words)
+            printed = {same(line) for line in explanation.text().splitlines()}
             assert {same(line) for line in output} <= printed
         elif output:
             # A mistake: in the line that the page names, or by an override.

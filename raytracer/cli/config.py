@@ -23,7 +23,7 @@ _OTHERS = ("RT_ALLOW_FILES", "RT_TRACEBACK", "RAYTRACER_CACHE_DIR")
 
 
 def config(as_json: options.AsJson = False) -> None:
-    """Show the defaults that a file, or variables of the environment, give to options, and where each comes from.
+    """Show the defaults that your file rt.toml and variables give to options, and where each comes from.
 
     The command line comes before a variable, and a variable before the file.  RT_TIME_LIMIT is the variable for
     --time-limit, and so on.

@@ -26,11 +26,15 @@ def explain(
         takes("SIZE", "Blur at which the depth of field ends: 0.03mm, 2px; default: 1/1500 of the sensor's diagonal."),
     ] = None,
     every: Annotated[
-        bool, Option("--all", help="List every key of the scene too, at any depth: its value, and what it means.")
+        bool,
+        Option(
+            "--all",
+            help="List also the effects that are left out, and every key of the scene, at any depth, with its meaning.",
+        ),
     ] = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Say which effects a scene calls for and which not, and what its camera does, in numbers."""
+    """Say what a scene's camera does, in numbers, and which effects the scene calls for, and why."""
     from raytracer.analysis.explain import explain as explained
     from raytracer.analysis.explain import parse_circle
 

@@ -20,7 +20,7 @@ camera:
   type: thin_lens            # an ideal lens: sharp at one distance, blurred before and behind it
   look_from: [0, 0.9, 3.2]   # where the camera stands, in metres: x to the right, y up, and z towards you
   look_at: [0, 0.3, 0]       # what is in the middle of the picture
-  sensor: full_frame         # 36 mm x 24 mm; others: aps_c, one_inch, or {width: 10 mm, height: 10 mm}
+  sensor: full_frame         # 36 mm x 23.9 mm; others: aps_c, one_inch, or {width: 10 mm, height: 10 mm}
   focal_length: 50 mm        # longer: a narrower view; or give vfov, the vertical angle of view in degrees
   f_number: 2                # smaller: a wider opening, and more blur
   focus_on: glass            # the name of an object; or focus_distance: 3 m
@@ -41,7 +41,7 @@ camera:
                              # its surfaces, in a file of their own; `rt lens {lens}` tells more of it
   look_from: [0, 0.9, 3.2]   # where the camera stands, in metres: x to the right, y up, and z towards you
   look_at: [0, 0.3, 0]       # what is in the middle of the picture
-  sensor: full_frame         # 36 mm x 24 mm, behind the lens; a smaller one sees less
+  sensor: full_frame         # 36 mm x 23.9 mm, behind the lens; a smaller one sees less
   f_number: 2                # larger: a smaller opening, less blur, and fewer of the lens's errors
   focus_on: glass            # the name of an object; or focus_distance: 3 m
   exposure: auto             # metered; or as on a camera: shutter: 1/1000 s, iso: 100

@@ -191,7 +191,7 @@ def render(
     )
     check_together(request, scenes, no_clobber=no_clobber, debug=debug)
     jobs = list[Job]()
-    for scene, outputs in skip_existing(named, quiet=quiet).items() if no_clobber else named.items():
+    for scene, outputs in skip_existing(named, quiet=quiet).items() if no_clobber and not debug else named.items():
         spec = options.load_scene(scene, define, allow_files, sizing)
         job = Job(request._replace(outputs=outputs), spec, DebugCommand(scene, define or [], sizing, preview, given))
         if not debug:

@@ -3,8 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from PIL import ImageColor
-
 from raytracer.plugins.textures.base.interface import is_name, textures_of
 from raytracer.schema.spec import Spec, field_error
 from raytracer.schema.yaml_nodes import KeyPath, path_text
@@ -78,6 +76,8 @@ def _check_focus(scene: "SceneSpec") -> None:
 def _check_known(noun: str, name: str | None, known: Mapping[str, Any], *keys: str | int) -> None:
     """Reject a name of something that does not exist; None names nothing."""
     if name is not None and name not in known:
+        from PIL import ImageColor
+
         nouns = "media" if noun == "medium" else f"{noun}s"
         hint = suggest_name(name, known, nouns)
         if noun == "texture" and isinstance(written := ImageColor.colormap.get(name.lower()), str):

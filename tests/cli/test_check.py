@@ -57,7 +57,7 @@ def test_every_reference_gets_its_line_and_the_worst_is_the_status(referenced, h
     captured = rt("check references --json", status=2)
     found = {item["name"]: item for item in json.loads(captured.out)}
     assert {name: item["verdict"] for name, item in found.items()} == {"ball": "failed", "cube": "error"}
-    assert found["cube"]["reason"] == "cube.yaml: no such file"
+    assert found["cube"]["reason"] == "cube.yaml: no such file; did you mean ball.yaml?"
     assert found["ball"]["p"]["means"] < 1e-10
     assert "outputs/check.html shows what has failed" in captured.err
 

@@ -7,6 +7,14 @@ import sys
 import sysconfig
 
 import pytest
+import typer
+
+from raytracer.cli.base.app import application
+from raytracer.film.light_field.lf.stored_array import TYPES
+from raytracer.lightfield.depth import depth_map
+from raytracer.lightfield.formats import folders
+from raytracer.lightfield.refocusing import refocus
+from raytracer.lightfield.views.camera_paths import PATHS
 
 # What each shell does when Tab is pressed behind `{line}`; `{words}` and `{place}` are what it gives to a function.
 PROGRAMS = {
@@ -68,6 +76,25 @@ def test_words_are_found_without_what_is_slow(line, folder):
     )
     assert (done.returncode, done.stderr) == (0, "[]\n")
     assert {"rt ": "render", "rt render --": "--spp", "rt render ": "a.yaml"}[line] in done.stdout.split()
+
+
+VALUES = {
+    "render --dtype": TYPES,
+    "import --dtype": TYPES,
+    "export --naming": folders.NAMINGS,
+    "move --path": PATHS,
+    "depth --method": depth_map.METHODS,
+    "refocus --method": refocus.METHODS,
+}
+
+
+@pytest.mark.parametrize("option", VALUES)
+def test_values_are_those_that_the_option_takes(option):
+    name, flag = option.split()
+    group = typer.main.get_command(application("lightfield")).commands["lightfield"]
+    (parameter,) = (each for each in group.commands[name].params if flag in each.opts)
+    context = typer.Context(group.commands[name])
+    assert {item.value for item in parameter.shell_complete(context, "")} == set(VALUES[option])
 
 
 def test_the_script_is_that_of_the_shell_and_others_are_refused(rt, refused, here):

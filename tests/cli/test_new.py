@@ -33,6 +33,7 @@ def test_nothing_is_overwritten(here, rt, refused):
     Path("a-lens.yaml").touch()
     assert "a-lens.yaml: is there already" in refused("new lens a.yaml")
     assert "did you mean a.png.yaml?" in refused("new lens a.png")
+    assert "did you mean 'rt new thin_lens b.yaml'?" in refused("new b.yaml")
     assert "'fisheye' is not one of" in refused("new fisheye")
 
 

@@ -256,11 +256,15 @@ def test_explain_names_every_effect_with_its_reason(scene, rt):
 
 
 def test_explain_follows_overrides(scene, rt):
-    text = rt("explain", "ball.yaml", "-D", "objects.0.material={type: emitter, radiance: 1}").out
+    text = rt("explain", "ball.yaml", "--all", "-D", "objects.0.material={type: emitter, radiance: 1}").out
     simulated, _, left_out = text.partition("Left out")
     assert "material.emitter" in simulated
     # The only object emits, so there is nothing that a light could light.
     assert "light_sampling" in left_out
+    short = rt("explain ball.yaml").out
+    assert short.startswith("Camera: pinhole\n")
+    assert re.search(r"\n  and \d\d effects left out: --all lists them, each with a reason\n", short)
+    assert "Left out" not in short
     lens = "camera={type: thin_lens, look_from: [0, 0, 10], look_at: [0, 0, 0], vfov: 20, defocus_angle: 0.6}"
     camera = json.loads(rt("explain", "ball.yaml", "-D", lens, "-D", "film.height=675", "--json").out)["camera"]
     # A = 2 F tan(delta / 2) = 0.104720 m; the blur at infinity is A / F on the plane at distance 1: 20.044 px.

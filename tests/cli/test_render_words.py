@@ -94,6 +94,7 @@ def test_a_scene_comes_from_standard_input_and_its_picture_goes_to_standard_outp
     assert run("render - -q", 0) == (b"", b"")
     assert Path("outputs/stdin.png").read_bytes()[:8] == piped[:8] == b"\x89PNG\r\n\x1a\n"
     assert run("render - -q -o - --format exr", 0).out[:4] == bytes([0x76, 0x2F, 0x31, 0x01])
+    assert run("render - -q -o - --time-limit 1s --spp 2", 0).out[:8] == piped[:8]
     wrong = run("render - -o -", 2, SCENE.replace("vfov", "vfv"))
     assert (wrong.out, wrong.err[:36]) == (b"", b"rt: standard input:1: camera.vfv: un")
     assert [path.name for path in here.iterdir()] == ["outputs"]

@@ -130,5 +130,5 @@ def test_where_kernels_cannot_be_kept_nothing_is_warmed(rt_alone, tmp_path):
 
 def test_what_cannot_be_warmed_is_said(here, refused):
     (here / "a.yaml").write_text(SCENE)
-    assert refused("warm b.yaml") == "rt: b.yaml: no such file\n"
+    assert refused("warm b.yaml") == "rt: b.yaml: no such file; did you mean a.yaml?\n"
     assert "unknown AOV 'dpth'" in refused("warm a.yaml --aov dpth")

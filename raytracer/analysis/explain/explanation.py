@@ -69,13 +69,13 @@ class Explanation:
         return self.text().rstrip()
 
     def text(self) -> str:
-        """Write the explanation as text."""
+        """Write the explanation as text, the camera first; effects that are left out only where keys are listed."""
         parts = [
-            effects_text(self.effects),
             camera_text(self.kind, self.camera),
             trade_off_text(self.trade_off, self.camera),
             thin_lens_text(self.thin_lens),
             objects_text(self.objects),
+            effects_text(self.effects, with_left_out=bool(self.keys)),
             warnings_text(self.warnings),
             keys_text(self.keys),
         ]
@@ -95,7 +95,8 @@ def explain(
     ----------
     circle : the blur at which the depth of field ends; 1/1500 of the diagonal of the sensor, or without one of the
         picture, if None.
-    every_key : True to list all keys of the scene, with their values and meanings.
+    every_key : True to list all keys of the scene, with their values and meanings, and in the text the effects that
+        are left out.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from raytracer.analysis.explain.scene_keys import SceneKey
 from raytracer.report.table import align_columns
-from raytracer.report.wording import compact_number, exposure_time
+from raytracer.report.wording import compact_number, count, exposure_time
 from raytracer.scene.effects import Effect
 
 # Moving objects without a name that the text lists; `--json` has them all.
@@ -133,19 +133,27 @@ def _format_quantity(value: float, line: _Quantity) -> str:
     return f"{compact_number(value)} {line.unit}".rstrip() if math.isfinite(value) else compact_number(value)
 
 
-def effects_text(effects: Mapping[str, Effect]) -> str:
-    """Write the effects simulated and left out, a line each; kinds that the scene has none of are one line a family."""
+def effects_text(effects: Mapping[str, Effect], *, with_left_out: bool) -> str:
+    """Write the effects simulated, a line each, and those left out, or how many these are.
+
+    Kinds that the scene has none of are one line a family.
+    """
     active = {name: effect.why for name, effect in effects.items() if effect.active}
     absent = [name for name, effect in effects.items() if "." in name and effect.why.startswith("0 ")]
     absent = [name for name in absent if name not in active]
     missing = {name: effect.why for name, effect in effects.items() if name not in {*active, *absent}}
     for family, names in groupby(absent, lambda name: name.partition(".")[0]):
         missing[family] = f"none of {', '.join(name.partition('.')[2] for name in names)}"
-    width = max(map(len, (*active, *missing)))
-    return "\n".join(
-        f"{heading}\n" + "".join(_wrap(why, f"  {name:<{width}}  ", width + 4) for name, why in reasons.items())
-        for heading, reasons in (("Simulated", active), ("Left out", missing))
-    )
+    width = max(map(len, (*active, *missing) if with_left_out else (*active, "")))
+
+    def listed(heading: str, reasons: Mapping[str, str]) -> str:
+        lines = (_wrap(why, f"  {name:<{width}}  ", width + 4) for name, why in reasons.items())
+        return f"{heading}\n{''.join(lines)}"
+
+    if with_left_out:
+        return f"{listed('Simulated', active)}\n{listed('Left out', missing)}"
+    more = count(len(effects) - len(active), "effect")
+    return f"{listed('Simulated', active)}  and {more} left out: --all lists them, each with a reason\n"
 
 
 def _wrap(sentence: str, first: str, indent: int) -> str:

@@ -229,6 +229,8 @@ def _hint(words: Sequence[str]) -> str:
     """Tell what was probably meant by a command line that is wrong; empty if nothing comes to mind."""
     if words and words[0].endswith((".yaml", ".yml")):
         return f"; did you mean 'rt render {words[0]}'?"
+    if len(words) > 1 and words[0] == "new" and words[1].endswith((".yaml", ".yml")):
+        return f"; did you mean 'rt new thin_lens {words[1]}'?"
     if spaces := _hint_of_spaces(words):
         return spaces
     for word in words:

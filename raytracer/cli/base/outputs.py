@@ -140,7 +140,8 @@ def dry_run_save(image: "Image", outputs: Sequence[Path]) -> None:
     """
     with contextlib.suppress(OSError, OutputError), temporary_path(Path(tempfile.mkdtemp())) as folder:
         for number, path in enumerate(outputs):
-            image.save(folder / f"{number}{path.suffix}")
+            # A device, and standard output, get a .png file's bytes.
+            image.save(folder / f"{number}{path.suffix or '.png'}")
 
 
 def save_picture_so_far(image: "Image", outputs: Sequence[Path], say: Callable[[str], object]) -> None:

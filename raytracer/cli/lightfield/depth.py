@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, report_written
 from raytracer.cli.lightfield import base
@@ -48,7 +49,9 @@ def depth(
     file: File,
     output: Annotated[list[Path] | None, options.output("OUT", ".png .exr .npy .pfm.  May repeat.")] = None,
     confidence: Annotated[Path | None, takes("OUT", "How sure each pixel is, 0 to 1: .png .npy .pfm.")] = None,
-    method: Annotated[str, Option(help="focus, slopes, or both.")] = "both",
+    method: Annotated[
+        str, Option(help="focus, slopes, or both.", autocompletion=complete_from("focus", "slopes", "both"))
+    ] = "both",
     view: Annotated[str | None, takes("ROW,COLUMN", "What is seen from there.  Default: the middle.")] = None,
     near: Near = None,
     far: Far = None,

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 from raytracer.cli.base import options
+from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import File, Quiet, check_folder, check_outputs, open_light_field
@@ -26,7 +27,14 @@ A geometry.json beside them says what their names do not: rt lightfield import t
 def export(
     file: File,
     output: Annotated[Path, options.output("FOLDER", "Folder to write, or a .npy file.")],
-    naming: Annotated[str | None, takes("NAME", "grid, stanford or hci.  Default: grid.")] = None,
+    naming: Annotated[
+        str | None,
+        takes(
+            "NAME",
+            "grid, stanford or hci.  Default: grid.",
+            autocompletion=complete_from("grid", "stanford", "hci"),
+        ),
+    ] = None,
     suffix: Annotated[
         str | None, takes("SUFFIX", "Of the views: png jpg exr hdr npy.  Default: png.", "--format")
     ] = None,

@@ -7,6 +7,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
@@ -46,7 +47,14 @@ def import_(
     interleaved: Annotated[
         bool, Option("--interleaved", help="Of one picture: pixels of all views lie beside each other (ESLF).")
     ] = False,
-    dtype: Annotated[str, takes("TYPE", "Of the numbers in the file: float16, float32, float64.")] = "float32",
+    dtype: Annotated[
+        str,
+        takes(
+            "TYPE",
+            "Of the numbers in the file: float16, float32, float64.",
+            autocompletion=complete_from("float16", "float32", "float64"),
+        ),
+    ] = "float32",
     compress: Annotated[bool, Option("--compress", help="Smaller, and slower to write and to read.")] = False,
     quiet: Quiet = False,
 ) -> None:

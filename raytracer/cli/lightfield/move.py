@@ -6,6 +6,7 @@ from typing import Annotated
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import File, Quiet, check_outputs, open_light_field, parse_distance
@@ -23,7 +24,13 @@ Examples:
 def move(
     file: File,
     output: Annotated[Path, options.output("OUT", ".gif or .webp, which runs for ever.")],
-    path: Annotated[str, Option(help="circle, right (and back), up (and back), or eight.")] = "circle",
+    path: Annotated[
+        str,
+        Option(
+            help="circle, right (and back), up (and back), or eight.",
+            autocompletion=complete_from("circle", "right", "up", "eight"),
+        ),
+    ] = "circle",
     radius: Annotated[
         str | None, takes("LENGTH", "Half the path's width.  Default: as far as there are views.")
     ] = None,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, report_written
 from raytracer.cli.lightfield import base
@@ -68,7 +69,12 @@ def refocus(
     tilt: Annotated[str, takes("ANGLE", "By how much the plane of focus leans away at its top.")] = "0",
     swing: Annotated[str, takes("ANGLE", "By how much it leans away to the right.")] = "0",
     method: Annotated[
-        str, takes("NAME", "shift, fourier (sooner done for many planes), or rays, where they are kept.")
+        str,
+        takes(
+            "NAME",
+            "shift, fourier (sooner done for many planes), or rays, where they are kept.",
+            autocompletion=complete_from("shift", "fourier", "rays"),
+        ),
     ] = "shift",
     interpolation: Annotated[str, takes("NAME", "Between pixels, of shift: lanczos, cubic or linear.")] = "lanczos",
     scale: Annotated[float, takes("X", "Of rays: pixels of the picture along one of the views'.")] = 1.0,

@@ -12,6 +12,7 @@ import typer
 from typer import Option
 
 from raytracer.cli.base import options
+from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import check_files, parse_checkpoint_interval, report_faults, resume_command
 from raytracer.schema.units import parse_bytes
@@ -61,7 +62,12 @@ def render(
     scale: options.Scale = None,
     given: options.GivenOptions,
     dtype: Annotated[
-        str, takes("TYPE", "Numbers of the radiance in the file: float16, float32 or float64.")
+        str,
+        takes(
+            "TYPE",
+            "Numbers of the radiance in the file: float16, float32 or float64.",
+            autocompletion=complete_from("float16", "float32", "float64"),
+        ),
     ] = "float32",
     compress: Annotated[
         bool, Option("--compress", help="Compress the file: a fifth smaller, and slower to read.")

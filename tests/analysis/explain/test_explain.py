@@ -28,11 +28,11 @@ THIN = f"type: thin_lens, {FULL_FRAME}, "
 HERE = "look_from: [0, 0, 0], look_at: [0, 0, -1]"
 
 
-def explained(camera, *objects, lights="", circle=None, width=1500, height=1000):
+def explained(camera, *objects, lights="", width=1500, height=1000, **asked):
     items = objects or ("type: sphere, center: [0, 0, -2], radius: 0.1",)
     head = f"camera: {{{HERE}, {camera}}}\nenvironment: {{type: constant, radiance: 1}}\nlights: [{lights}]\nobjects:\n"
     text = head + "".join(f"  - {{{item}}}\n" for item in items)
-    return explain(scene(text, width=width, height=height, filled=False), circle=circle)
+    return explain(scene(text, width=width, height=height, filled=False), **asked)
 
 
 def ball(name, distance, more=""):
@@ -418,6 +418,7 @@ def test_text_is_aligned_in_groups():
     assert [line for line in lines if line and not line.startswith(" ")] == [
         "Camera: thin_lens",
         "Objects in the middle of the exposure; their blur is the circle of confusion",
+        "Simulated",
         "Warnings",
     ]
     numbers = dict(line.strip().split("  ", 1) for line in lines if line.startswith("    ") and "  " in line.strip())
@@ -434,7 +435,7 @@ def test_text_is_aligned_in_groups():
 
 
 def test_kinds_that_a_scene_has_none_of_are_a_line_a_family():
-    found = explained("type: pinhole")
+    found = explained("type: pinhole", every_key=True)
     left_out = found.text().partition("Left out\n")[2].partition("\n\n")[0]
     joined = " ".join(left_out.split())
     assert "material none of boundary, cutout, dielectric, emitter, metal, " in joined
@@ -442,12 +443,17 @@ def test_kinds_that_a_scene_has_none_of_are_a_line_a_family():
     assert "sphere" not in joined
     assert "0 objects" not in joined
     assert max(map(len, left_out.splitlines())) <= 100
+    # Without --all there is their number.
+    active = sum(effect.active for effect in found.effects.values())
+    short = explained("type: pinhole").text()
+    assert f"  and {len(found.effects) - active} effects left out: --all lists them" in short
+    assert short.startswith("Camera: pinhole\n")
     # For programs there is a line each.
     assert found.json()["effects"]["material.metal"] == {"active": False, "why": "0 objects of 1"}
 
 
 def test_a_light_without_effect_keeps_its_reason():
-    text = explained("type: pinhole", lights="{type: point, position: [0, 1, 0], intensity: 0}").text()
+    text = explained("type: pinhole", lights="{type: point, position: [0, 1, 0], intensity: 0}", every_key=True).text()
     assert "light.point" in text.partition("Left out")[2]
     assert "which is black" in text
 
