@@ -21,6 +21,7 @@ from docs.documents import link, with_links  # noqa: E402
 from docs.scene_tables import FAMILIES, targets  # noqa: E402
 from raytracer import lightfield  # noqa: E402
 from raytracer.analysis.compare.result import Comparison  # noqa: E402
+from raytracer.analysis.cost.notebook import CostStudy  # noqa: E402
 from raytracer.analysis.explain.explanation import Explanation  # noqa: E402
 from raytracer.analysis.probe import ProbeResult  # noqa: E402
 from raytracer.analysis.sweep.results import Sweep  # noqa: E402
@@ -39,7 +40,7 @@ METHODS = {
 }
 """Methods of classes that are described."""
 
-RESULTS = (Explanation, Comparison, Sweep, ProbeResult)
+RESULTS = (Explanation, Comparison, Sweep, ProbeResult, CostStudy)
 """What functions return, and nobody makes."""
 
 OLD = {"Stock"}

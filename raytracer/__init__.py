@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from raytracer import lightfield
     from raytracer.analysis.compare import compare
+    from raytracer.analysis.cost.notebook import cost
     from raytracer.analysis.explain import explain
     from raytracer.analysis.probe import probe
     from raytracer.analysis.sweep.run import sweep
@@ -79,6 +80,7 @@ __all__ = [
     "aperture",
     "camera",
     "compare",
+    "cost",
     "environment",
     "explain",
     "filter",
@@ -105,6 +107,7 @@ _HOMES: dict[str, tuple[str, str | None]] = {
     # The old name of Cache, for scripts that have it.
     "Stock": ("raytracer.scene.cache", "RenderCache"),
     "compare": ("raytracer.analysis.compare", "compare"),
+    "cost": ("raytracer.analysis.cost.notebook", "cost"),
     "explain": ("raytracer.analysis.explain", "explain"),
     "lightfield": ("raytracer.lightfield", None),
     "load": ("raytracer.scene.load", "load"),

@@ -305,6 +305,17 @@ def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+def test_the_examples_that_take_long_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "scripting.md").read_text(encoding="utf-8")
+    names = {}
+    for number, block in enumerate(re.findall(r"^```py(?:thon)?\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)):
+        if number == 0 or "rt.cost" in block:
+            exec(compile(block, "docs/scripting.md", "exec"), names)
+    assert names["study"].prediction.points
+
+
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_the_notebook_runs_and_shows_pictures(tmp_path, monkeypatch):
     import nbclient

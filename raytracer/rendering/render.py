@@ -14,6 +14,7 @@ from raytracer.rendering.checked_options import check_options
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.compilation import PreparedScene, compile_kernel
 from raytracer.rendering.develop import check_development
+from raytracer.rendering.live_image import LiveImage
 from raytracer.rendering.observer import RenderObserver
 from raytracer.rendering.options import RenderOptions, called_with
 from raytracer.rendering.progress import CompileBar, Progress, SampleBar
@@ -37,6 +38,7 @@ class ImageOptions(RenderOptions):
     scene: SceneSpec | str | os.PathLike[str]
     _: KW_ONLY
     progress: bool | Callable[[Progress], None] = False
+    live: bool = False
     cache: RenderCache | None = None
     stock: RenderCache | None = None
     cluster: ClusterClient | None = None
@@ -54,6 +56,8 @@ def render_image(call: ImageOptions) -> Image:
     ----------
     spp, seed, threads, crop, noise, time_limit, aovs, denoise, strict, max_memory : see `RenderOptions`.
     progress : True to show a bar, also in a notebook; or a function that is called with a `Progress`.
+    live : True to show the picture in a notebook while it is rendered, two times a second at most; the image that is
+        returned is not shown once more if the call ends in a semicolon.  Elsewhere it does nothing.
     cache : what renders of similar scenes share, an `rt.Cache`.
     stock : old name of `cache`, still accepted.
     cluster : the cluster that takes the samples, an `rt.Cluster`; this machine if None.
@@ -81,7 +85,10 @@ def render_image(call: ImageOptions) -> Image:
             with_checkpoints=writer is not None,
         )
         progress = bar.show if call.progress is True else call.progress or None
-        rendered = render_prepared(prepared, progress=progress, checkpoint_writer=writer)
+        live = LiveImage(progress) if call.live else None
+        if live is not None:
+            progress = live.tick
+        rendered = render_prepared(prepared, progress=progress, checkpoint_writer=writer, observer=live)
     if rendered.failure is not None:
         raise OutputError(rendered.failure)
     return rendered.image

@@ -10,9 +10,12 @@ from raytracer.analysis.compare.compared_image import ComparedImage
 from raytracer.analysis.compare.metrics import METRICS, Domain
 from raytracer.analysis.compare.patterns import PATTERNS
 from raytracer.analysis.compare.z_test import Verdict
+from raytracer.report import fragment
 from raytracer.report.page import to_plain
 from raytracer.report.wording import plural
 from raytracer.util.errors import InputError
+
+_DOMAINS: dict[Domain, str] = {"linear": "linear light", "display": "display values"}
 
 
 class NotFinite(NamedTuple):
@@ -125,7 +128,7 @@ class Comparison:
 
     def text(self) -> str:
         """Write a report as text."""
-        domain = "display values" if self.is_display else "linear light"
+        domain = _DOMAINS["display" if self.is_display else "linear"]
         lines = [f"{self.a} against {self.b}: {self.width} x {self.height} pixels, {domain}"]
         for name, value in self.metrics.items():
             unit = " dB" if name == "psnr" else ""
@@ -143,6 +146,28 @@ class Comparison:
             lines.append("PASS" if self.passed else f"FAIL: {'; '.join(self.failures)}")
         lines += [f"  also: {finding}" for finding in self.other_findings()]
         return "\n".join(lines) + "\n"
+
+    def _repr_html_(self) -> str:
+        """Write the comparison for a notebook: the images, the metrics, and the verdict."""
+        rows = []
+        for name, value in self.metrics.items():
+            unit = " dB" if name == "psnr" else ""
+            rows.append((METRICS[name].label, f"{value:.6g}{unit}", f"of {_DOMAINS[self.domains[name]]}"))
+        rows += [(METRICS[name].label, "-", reason) for name, reason in self.unmeasured.items()]
+        domain = _DOMAINS["display" if self.is_display else "linear"]
+        outcome = {True: "PASS", False: f"FAIL: {'; '.join(self.failures)}", None: ""}[self.passed]
+        finite = "" if self.not_finite.first is None else f"not finite: {self.not_finite.sentence()}"
+        sentences = (outcome, self.verdict_text(), finite, *self.notes, *self.other_findings())
+        images = [] if self.pictures is None else [image.to_display_bytes() for image in self.pictures]
+        shown = [fragment.thumbnail(pixels, label) for pixels, label in zip(images, self.labels, strict=False)]
+        return fragment.join(
+            [
+                fragment.heading(f"{self.a} against {self.b}", f"{self.width} x {self.height} pixels, {domain}"),
+                *([fragment.table(self.labels, [shown], left=2)] if shown else []),
+                fragment.table(("metric", "value", ""), rows),
+                *(fragment.heading("", sentence) for sentence in sentences if sentence),
+            ]
+        )
 
     @property
     def labels(self) -> tuple[str, str]:

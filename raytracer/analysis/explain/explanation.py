@@ -19,6 +19,7 @@ from raytracer.analysis.explain.text import (
 )
 from raytracer.analysis.explain.warnings import PHOTOGRAPHIC_WARNINGS, Photograph
 from raytracer.optics.to_yaml import value_to_plain
+from raytracer.report import fragment
 from raytracer.scene.effects import Effect, effects_of
 from raytracer.scene.load import load
 from raytracer.scene.object_bounds import ObjectBounds, object_name
@@ -32,7 +33,7 @@ from raytracer.scene.warnings import find_warnings, warning_messages
 class Explanation:
     """Effects and numbers of a scene; numbers have names that end in their units, and may be infinite.
 
-    Printed, and in a notebook, it is the text for readers.
+    Printed it is the text for readers, and a notebook shows it with the effects as a table.
 
     effects : simulated and left out, each with a reason.
     kind : of the camera.
@@ -68,18 +69,37 @@ class Explanation:
     def __repr__(self) -> str:
         return self.text().rstrip()
 
+    def _repr_html_(self) -> str:
+        """Write the explanation for a notebook."""
+        active, left_out = (
+            [[name, e.why] for name, e in self.effects.items() if e.active is on] for on in (True, False)
+        )
+        head = ("effect", "why")
+        return fragment.join(
+            [
+                fragment.heading("Simulated"),
+                fragment.table(head, active, left=2),
+                fragment.folded(f"left out: {len(left_out)} effects", fragment.table(head, left_out, left=2)),
+                *map(fragment.preformatted, self._texts(with_effects=False)),
+            ]
+        )
+
     def text(self) -> str:
         """Write the explanation as text, the camera first; effects that are left out only where keys are listed."""
+        return "\n".join(self._texts())
+
+    def _texts(self, *, with_effects: bool = True) -> list[str]:
+        """Write the parts of the text that there are."""
         parts = [
             camera_text(self.kind, self.camera),
             trade_off_text(self.trade_off, self.camera),
             thin_lens_text(self.thin_lens),
             objects_text(self.objects),
-            effects_text(self.effects, with_left_out=bool(self.keys)),
+            effects_text(self.effects, with_left_out=bool(self.keys)) if with_effects else "",
             warnings_text(self.warnings),
             keys_text(self.keys),
         ]
-        return "\n".join(part for part in parts if part)
+        return [part for part in parts if part]
 
 
 def _finite(numbers: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.analysis.sweep.notebook import sweep_html
 from raytracer.report.wording import count
 from raytracer.util.errors import InputError
 
@@ -163,6 +164,10 @@ class Sweep:
         axes = (" and " if self.zipped else " x ").join(f"{len(axis.values)} {axis.key}" for axis in self.axes)
         states = ", ".join(f"{counts[status]} {status}" for status in ("done", "failed", "missing") if counts[status])
         return f"<rt.Sweep of {self.scene}: {axes}, {states}>"
+
+    def _repr_html_(self) -> str:
+        """Show the pictures in a notebook."""
+        return sweep_html(self)
 
     @property
     def images(self) -> NDArray[np.object_]:
