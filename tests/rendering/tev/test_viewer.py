@@ -8,6 +8,7 @@ import pytest
 
 from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.observer import PictureSoFar
+from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.render import prepare_scene, render, render_prepared
 from raytracer.rendering.session import RenderSession
 from raytracer.rendering.tev import viewer as viewer_module
@@ -62,6 +63,14 @@ def observed(prepared: PreparedScene, viewer: TevViewer):
         return render_prepared(prepared, observer=viewer).image
 
 
+def test_tiles_of_a_crop_have_their_place_in_the_crop():
+    session = RenderSession(prepare_scene(scene(), RenderOptions(crop=(3, 2, 20, 15))), None, None, None)
+    picture = PictureSoFar(session)
+    session.queue.first_pass(8)
+    assert (picture.width, picture.height) == (17, 13)
+    assert picture.look()[1] == [(0, 0, 17, 13)]
+
+
 def before_the_end(monkeypatch, action):
     """Do something once all samples are taken, before the picture is developed."""
     finish = RenderSession._finish
@@ -69,6 +78,8 @@ def before_the_end(monkeypatch, action):
 
 
 def test_parts_arrive_while_the_render_goes_on(monkeypatch):
+    # Two rows a packet.
+    monkeypatch.setattr(viewer_module, "_PACKET_BYTES", 2 * 4 * 3 * 24)
     came, said = threading.Event(), []
     with Receiver() as receiver:
         taken = receiver.take
