@@ -13,7 +13,7 @@ PAGE = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8")
 def commands():
     """The commands behind prompts, and what the page shows below each."""
     for language, block in re.findall(r"^```(\w*)\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE):
-        for piece in re.split(r"^\$ ", "" if language else block, flags=re.MULTILINE)[1:]:
+        for piece in re.split(r"^\$ ", "" if language else re.sub(r" \\\n +", " ", block), flags=re.MULTILINE)[1:]:
             command, _, shown = piece.partition("\n")
             yield command, shown
 

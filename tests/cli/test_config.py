@@ -1,10 +1,11 @@
 """Defaults from rt.toml and from variables."""
 
 import json
+from pathlib import Path
 
 import pytest
 
-from raytracer.cli.base.defaults import KEYS, default_map, read_defaults, variable
+from raytracer.cli.base.defaults import KEYS, default_map, defaults_file, read_defaults, variable
 
 SCENE = """\
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
@@ -83,6 +84,17 @@ def test_a_wrong_variable_is_told_too_and_help_needs_none(file, refused, rt, mon
     monkeypatch.setenv("RT_TIME_LIMIT", "soon")
     assert refused("render a.yaml").startswith("rt: RT_TIME_LIMIT: ")
     assert "Usage" in rt("--help").out
+
+
+def test_who_has_no_home_or_may_not_look_into_it_has_no_defaults(monkeypatch, tmp_path):
+    monkeypatch.setattr("os.path.expanduser", lambda path: path)
+    assert defaults_file({}) == Path("/.config/rt.toml")
+
+    def denied(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_text", denied)
+    assert read_defaults({"XDG_CONFIG_HOME": str(tmp_path)}) == {}
 
 
 def test_every_key_is_an_option_of_render(rt):

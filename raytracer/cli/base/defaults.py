@@ -43,7 +43,11 @@ def defaults_file(environment: Mapping[str, str]) -> Path:
         return Path(environment.get("APPDATA") or Path.home() / "AppData" / "Roaming") / "rt.toml"
     # The XDG Base Directory Specification has relative paths ignored.
     given = environment.get("XDG_CONFIG_HOME", "")
-    return (Path(given) if os.path.isabs(given) else Path.home() / ".config") / "rt.toml"
+    if os.path.isabs(given):
+        return Path(given, "rt.toml")
+    # A container's user may have no home.
+    home = os.path.expanduser("~")
+    return Path(home if os.path.isabs(home) else os.sep, ".config", "rt.toml")
 
 
 def variable(key: str) -> str:
@@ -81,7 +85,8 @@ def _read_file(file: Path) -> dict[str, Any]:
     """Read the keys of a file, if it is there."""
     try:
         text = file.read_text(encoding="utf-8")
-    except (FileNotFoundError, NotADirectoryError):
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        # The folder of another user, as whom the process was started, is as good as none.
         return {}
     except (OSError, ValueError) as error:
         raise InputError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or 'is not UTF-8'}") from None
