@@ -26,6 +26,10 @@ PREVIEW_SPP = 8
 """Samples per pixel of these: one packet, so that they take 1 / 64 and 1 / 16 of the full picture's first pass."""
 
 
+PASS_SECONDS = 0.05
+"""Longest pass over a tile, for which the next picture has to wait."""
+
+
 class Status(StrEnum):
     """The state of a live render."""
 
@@ -185,6 +189,7 @@ class LiveEngine:
             options = replace(options, spp=spp, noise=None, time_limit=None)
         prepared = prepare_scene(spec, options, cache=self.cache, warn=warnings.append)
         session = RenderSession(prepared, lambda progress: self._tick(job, session, progress), None, None)
+        session.queue.max_pass_seconds = PASS_SECONDS
         with self._wake:
             if self._next is not None or self._is_closed:
                 raise Cancelled

@@ -77,6 +77,7 @@ class TileQueue:
     counts : int64 (tiles,), samples that each pixel of a tile has.
     rays : int64 (tiles,), rays traced so far.
     seconds_per_sample (s) : float64 (tiles,), time of one thread for a sample in every pixel, by the last pass.
+    max_pass_seconds (s) : longest pass over a tile, for which whoever stops the pool has to wait.
     """
 
     def __init__(
@@ -98,6 +99,7 @@ class TileQueue:
         self.counts = np.zeros(len(windows), dtype=np.int64)
         self.rays = np.zeros(len(windows), dtype=np.int64)
         self.seconds_per_sample = np.zeros(len(windows))
+        self.max_pass_seconds = _MAX_PASS_SECONDS
 
     @property
     def threads(self) -> int:
@@ -169,9 +171,9 @@ class TileQueue:
 
     def limit_pass_end(self, tile: int, begin: int, end: int) -> int:
         """Shorten a pass from sample `begin` to `end` that would take too long, and return its end."""
-        if self.seconds_per_sample[tile] * (end - begin) <= _MAX_PASS_SECONDS:
+        if self.seconds_per_sample[tile] * (end - begin) <= self.max_pass_seconds:
             return end
-        return min(end, begin + _round_to_packets(_MAX_PASS_SECONDS / self.seconds_per_sample[tile]))
+        return min(end, begin + _round_to_packets(self.max_pass_seconds / self.seconds_per_sample[tile]))
 
     def _add_pass(self, workspace: Workspace, tile: int, goal: int, deadline: float | None) -> bool:
         """Add the next samples to a tile; return False if there is no time for any."""

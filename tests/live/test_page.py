@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from axe_playwright_python import sync_playwright as axe
 from playwright.sync_api import expect
 
 from tests.live.conftest import SCENE, until
@@ -82,6 +83,16 @@ def test_an_edit_shows_beside_the_picture_before_it_and_an_error_until_it_is_men
     finished(page, 3)
     expect(page.locator("#errors")).to_be_hidden()
     assert brightest(page) == 255
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_is_for_everybody_and_for_small_windows(server, scene, open_page, scheme):
+    page = open_page(server.address, size=(390, 800), color_scheme=scheme)
+    page.locator("body[data-done=true]").wait_for()
+    scene.write_text(BAD, encoding="utf-8")
+    expect(page.locator("#errors")).to_be_visible()
+    assert axe.Axe().run(page).response["violations"] == []
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
 
 
 def test_a_slider_shows_another_picture_and_is_written_on_request_alone(page, scene):

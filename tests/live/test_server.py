@@ -8,9 +8,11 @@ import urllib.parse
 import aiohttp
 import pytest
 
-from raytracer.live.server import LiveServer
+from raytracer.live.engine import STEPS
+from raytracer.live.server import FRAME_SECONDS, FRAME_SHARE, LiveServer
 from raytracer.util.errors import InputError
 from tests.live.conftest import done
+from tests.repository import ROOT
 
 
 @pytest.fixture
@@ -112,3 +114,12 @@ def test_what_is_no_message_of_the_page_is_refused_and_harms_nothing(ask, live):
 
     assert all(text.startswith("not understood: ") for text in asyncio.run(talk()))
     assert ask()[0].status == 200
+
+
+def test_the_document_has_the_numbers_of_the_program():
+    text = " ".join((ROOT / "docs" / "live.md").read_text(encoding="utf-8").split())
+    assert (STEPS, FRAME_SECONDS) == ((8, 4), 1 / 5)
+    assert "The first picture has an eighth of the width and of the height, the next one a quarter" in text
+    assert f"take {100 * sum(step**-2 for step in STEPS):.0f} % of the time of one pass" in text
+    assert "at most five times a second" in text
+    assert f"no more than a {FRAME_SHARE:.0f}th of one processor's time" in text
