@@ -43,6 +43,7 @@ EXTRAS = {
     "cluster": Extra(("distributed",), "rt render --cluster, on other machines"),
     "compare": Extra(("flip_evaluator", "skimage"), "SSIM and FLIP in rt compare"),
     "denoise": Extra(("pyoidn",), "rt render --denoise"),
+    "view": Extra(("aiohttp",), "rt view, a live page of a scene"),
 }
 """Extras for users, by name; the others are for who works on rt itself."""
 
