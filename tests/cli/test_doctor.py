@@ -11,7 +11,8 @@ import webbrowser
 import numpy as np
 import pytest
 
-from raytracer.analysis.doctor import diagnosis, packages, trial
+from raytracer.analysis.doctor import diagnosis, packages
+from raytracer.core import trial
 from raytracer.util.machine import MemoryLimit
 from tests.repository import ROOT
 

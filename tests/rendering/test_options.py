@@ -34,7 +34,7 @@ def test_help_shows_the_options_with_their_defaults(function, first, without, tm
     keywords = list(parameters.values())[len(first) :]
     assert all(parameter.kind is inspect.Parameter.KEYWORD_ONLY for parameter in keywords)
     if function is rt.render:
-        own = ["progress", "cache", "stock", "cluster", "checkpoint", "resume"]
+        own = ["progress", "live", "cache", "stock", "cluster", "checkpoint", "resume"]
         assert list(parameters) == ["scene", *NAMES, *own]
     # Keywords that a function goes without, and others, are refused.
     arguments = {rt.probe: [(0.0, 0.0, 4.0)], rt.lightfield.capture: [tmp_path / "x.lf"], rt.sweep: [{}]}

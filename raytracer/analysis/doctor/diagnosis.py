@@ -126,8 +126,8 @@ def _gigabytes(size: float) -> str:
 
 
 def _check_embree() -> tuple[Status, str]:
-    from raytracer.analysis.doctor.trial import DISTANCE, cast_ray
     from raytracer.core.embree_library import find_library
+    from raytracer.core.trial import DISTANCE, cast_ray
 
     distance = cast_ray()
     if distance != DISTANCE:
@@ -136,7 +136,7 @@ def _check_embree() -> tuple[Status, str]:
 
 
 def _check_compiler() -> tuple[Status, str]:
-    from raytracer.analysis.doctor.trial import DISTANCE, cast_ray_in_kernel, kernel_source
+    from raytracer.core.trial import DISTANCE, cast_ray_in_kernel, kernel_source
 
     distance = cast_ray_in_kernel()
     if distance != DISTANCE:

@@ -23,7 +23,7 @@ OPTIONAL_VALUES: Mapping[str, _OptionalValue] = {"--tev": _OptionalValue("127.0.
 def add_left_out_values(words: Sequence[str]) -> list[str]:
     """Add the values that a command line leaves out."""
     added: list[str] = []
-    for word, following in zip(words, [*words[1:], ""], strict=True):
+    for word, following in zip(words, [*words[1:], ""], strict=False):
         added.append(word)
         value = OPTIONAL_VALUES.get(word)
         if value is not None and not re.fullmatch(value.form, following):

@@ -128,7 +128,7 @@ def test_what_the_test_asks_for_is_what_is_rendered(run, kept, renders):
         ("'../ball.yaml', width=24", "*was rendered with film.width=nothing, and the test asks for 24;*--rt-update*"),
         ("'../ball.yaml', overrides={'camera.vfov': 20}", "*with camera.vfov=nothing, and the test asks for 20;*"),
         ("'../other.yaml', name='ball'", "*is the reference of ../../ball.yaml; pytest --rt-update renders it"),
-        ("'../none.yaml', name='ball'", "*none.yaml: no such file"),
+        ("'../none.yaml', name='ball'", "*none.yaml: no such file*"),
         ("'../ball.yaml', overrides={'camera.vfof': 20}", "*camera.vfof*did you mean 'vfov'*"),
         ("'../ball.yaml', seed=12345", "*was rendered with the seed 12345 itself*"),
         ("'../ball.yaml', name='../ball'", "name='../ball': is the name of a reference, not a path"),
