@@ -10,14 +10,19 @@ from numpy.typing import NDArray
 
 from raytracer.film.film import Film
 from raytracer.film.image import Image
+from raytracer.film.light_field.layout import extract_light_field
+from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.rendering.adaptive_sampling import Outcome
 from raytracer.rendering.compilation import PreparedScene
-from raytracer.rendering.develop import develop_image, expose_radiance
+from raytracer.rendering.develop import develop_image, expose_radiance, light_field_layout
 from raytracer.rendering.film_region import FilmRegion
 from raytracer.rendering.session import Rendered, RenderSession
 
 RADIANCE, ERROR, SAMPLES = "radiance", "standard error", "samples"
 """Layers that every picture has; AOVs come after these."""
+
+REFOCUSED = "refocused"
+"""Layer of a light field: the photograph that is made of it."""
 
 
 class PictureSource:
@@ -32,6 +37,9 @@ class PictureSource:
         self.prepared, self.session = prepared, session
         self.below: NDArray[np.float64] | None = None
         self.rendered: Rendered | None = None
+        # A preview's pixels are too few for views.
+        layout = light_field_layout(prepared.packed.spec) if step == 1 else None
+        self.has_views = layout is not None and layout.views.rows * layout.views.columns > 1
 
     @property
     def samples(self) -> float:
@@ -41,7 +49,7 @@ class PictureSource:
     @property
     def layers(self) -> tuple[str, ...]:
         """Name what can be shown of it."""
-        return (RADIANCE, ERROR, SAMPLES, *self.prepared.options.aovs)
+        return (RADIANCE, *([REFOCUSED] if self.has_views else []), ERROR, SAMPLES, *self.prepared.options.aovs)
 
     def film_mean(self, width: int, height: int) -> NDArray[np.float64]:
         """Return the undeveloped radiance as a picture of this size."""
@@ -66,8 +74,10 @@ class PictureSource:
             return film.mean
         return np.where((film.count > 0)[..., None], film.mean, self.below)
 
-    def layer(self, name: str) -> NDArray[np.float32]:
+    def layer(self, name: str, distance: float | None = None) -> NDArray[np.float32]:
         """Return a layer of the picture, float32 (height, width, channels); zero where it is not known.
+
+        distance (m) : at which REFOCUSED is focused; None for where all views see the same.
 
         Raises
         ------
@@ -82,6 +92,8 @@ class PictureSource:
         image = self.image()
         if name == RADIANCE:
             return _as_frame(image.radiance)
+        if name == REFOCUSED:
+            return _as_frame(refocus(extract_light_field(image), distance).radiance)
         if name == ERROR:
             return _as_frame(_standard_error(image))
         return _as_frame(image.layers[name])
@@ -154,8 +166,8 @@ class Frame:
         return line + np.ascontiguousarray(self.pixels, dtype="<f4").tobytes()
 
 
-def make_frame(source: PictureSource, layer: str) -> Frame:
-    """Make the frame of a layer of a picture; of its radiance if it has no such layer."""
+def make_frame(source: PictureSource, layer: str, distance: float | None = None) -> Frame:
+    """Make the frame of a layer of a picture; of its radiance if it has no such layer; see `PictureSource.layer`."""
     name = layer if layer in source.layers else RADIANCE
     is_done = source.rendered is not None and source.step == 1
-    return Frame(source.job, source.step, name, source.samples, is_done, source.layer(name))
+    return Frame(source.job, source.step, name, source.samples, is_done, source.layer(name, distance))

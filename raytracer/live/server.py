@@ -207,7 +207,7 @@ class _Client:
                 state = text
                 await self._socket.send_str(text)
             mark: Any = self._view.mark()
-            is_other = mark is not None and (self._sent is None or mark[:3] != self._sent[:3])
+            is_other = mark is not None and (self._sent is None or mark[:4] != self._sent[:4])
             if self._is_ready and mark is not None and mark != self._sent and (is_other or perf_counter() >= self._due):
                 began = perf_counter()
                 self._sent, self._is_ready = mark, False

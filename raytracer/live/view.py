@@ -11,7 +11,7 @@ import numpy as np
 from raytracer.film.image import Image
 from raytracer.live.camera_controls import RANGES, controls, sharpness
 from raytracer.live.engine import LiveEngine, sentences
-from raytracer.live.picture import RADIANCE, Frame, PictureSource, make_frame
+from raytracer.live.picture import RADIANCE, REFOCUSED, Frame, PictureSource, make_frame
 from raytracer.live.scene_file import SceneFile
 from raytracer.rendering.develop import film_process
 from raytracer.rendering.options import RenderOptions
@@ -44,6 +44,7 @@ class LiveView:
         self._listeners: set[Callable[[], object]] = set()
         self._errors: tuple[str, ...] = ()
         self._shown: SceneSpec | None = None
+        self._refocused: float | None = None
         self._camera: tuple[tuple[int, int], Reply] = ((0, 0), {})
         self._engine = LiveEngine(options, self._tell)
         self._closed = threading.Event()
@@ -140,19 +141,19 @@ class LiveView:
             **self._camera[1],
         }
 
-    def mark(self) -> tuple[int, int, bool, int] | None:
+    def mark(self) -> tuple[int, int, bool, float | None, int] | None:
         """Return a value that is another whenever the picture is."""
         source = self._engine.source
         return (
             None
             if source is None
-            else (source.job, source.step, source.rendered is not None, source.session.queue.done)
+            else (source.job, source.step, source.rendered is not None, self._refocused, source.session.queue.done)
         )
 
     def frame(self, layer: str = RADIANCE) -> Frame | None:
         """Return the picture so far; None before there is one."""
         source = self._engine.source
-        return None if source is None else make_frame(source, layer)
+        return None if source is None else make_frame(source, layer, self._refocused)
 
     # ---- What a page asks for
 
@@ -235,8 +236,11 @@ class LiveView:
         return {"kind": "values", "x": x, "y": y, "values": values}
 
     def _focus(self, message: Mapping[str, Any]) -> Reply:
-        """Focus on what is seen at a place: at its distance, or by `on` on the object."""
-        found = self._pick(_place(message))
+        """Focus on what is seen at a place: at its distance, or by `on` on the object; a light field, afterwards."""
+        place = _place(message)
+        if self._source().has_views:
+            return self._refocus(place, is_view=message.get("layer") == REFOCUSED)
+        found = self._pick(place)
         camera: Any = None if self._shown is None else self._shown.camera
         if not hasattr(camera, "focus_distance"):
             raise InputError(f"the camera {getattr(camera, 'type', '')} has no focus to set")
@@ -248,6 +252,20 @@ class LiveView:
         distance = float(f"{found.distance:.{_DISTANCE_DIGITS}g}")
         self._try({"focus_distance": distance})
         return {"kind": "notice", "text": f"focused on {found.object}, {distance:g} m away", "distance": distance}
+
+    def _refocus(self, place: tuple[float, float], *, is_view: bool) -> Reply:
+        """Refocus a light field on what is seen at a place of its picture, or of one view."""
+        spec = self._source().prepared.packed.spec
+        x, y = place
+        if not is_view:
+            # Of a mosaic all views see much the same.
+            width, height = spec.picture()
+            x, y = x * (width // spec.film.width) % 1.0, y * (height // spec.film.height) % 1.0
+        found = self._pick((x, y))
+        self._refocused = found.distance
+        self._tell()
+        text = f"refocused on {found.object}, {found.distance:.{_DISTANCE_DIGITS}g} m away"
+        return {"kind": "notice", "text": text, "distance": found.distance, "layer": REFOCUSED}
 
     def _pick(self, place: tuple[float, float]) -> Pick:
         prepared = self._source().prepared

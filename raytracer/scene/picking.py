@@ -27,15 +27,13 @@ class Pick(NamedTuple):
 def pick(packed: PackedScene, accel: Accel, x: float, y: float) -> Pick | None:
     """Find what is seen at a place in the frame in the middle of the exposure; None for the background.
 
-    x, y : fractions of the frame's width and height, from the top left.
+    x, y : fractions of the frame's width and height, from the top left; of many views, those of the middle one.
 
     Raises
     ------
-    ValueError : the camera has no such ray, or its picture is made of many views.
+    ValueError : the camera has no such ray.
     """
     spec = packed.spec
-    if spec.picture() != (spec.film.width, spec.film.height):
-        raise ValueError("the picture is made of many views, each of which sees something else there")
     camera: Any = camera_at_time(spec.camera, mid_exposure_time(spec))
     if not hasattr(camera, "film_to_ray"):
         raise ValueError(f"the camera {camera.type} has no axis to measure a distance along")

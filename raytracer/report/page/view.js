@@ -2,7 +2,7 @@
 
 const STOP_LOW = -14;
 const STOP_STEPS = 256;
-const LIGHT = new Set(["radiance", "standard error", "direct", "indirect", "albedo", "variance"]);
+const LIGHT = new Set(["radiance", "refocused", "standard error", "direct", "indirect", "albedo", "variance"]);
 // Anchors of the colours of numbers, dark to bright: of Matplotlib's viridis.
 const COLOURS = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
 const GREY = 0.18;
@@ -46,7 +46,7 @@ function take(next) {
   draw_frame();
   Object.assign(document.body.dataset, { job: next.job, step: next.step, done: next.done, samples: next.samples, layer: next.layer });
   document.body.dataset.first ??= performance.now();
-  if (next.done && pointed !== null) send({ do: "values", x: pointed[0], y: pointed[1] });
+  if (next.done && pointed !== null) askValues(...pointed);
   send({ do: "ready", drawing: performance.now() - began });
 }
 
@@ -93,7 +93,7 @@ function develop(out) {
   const isFalse = find("#colours").value === "false";
   const count = pixels.length / channels;
   const [low, high] = isLight ? [0, 1] : rangeOf(pixels);
-  const table = displayTable(frame.layer === "radiance" ? state.curve : null);
+  const table = displayTable(["radiance", "refocused"].includes(frame.layer) ? state.curve : null);
   for (let i = 0; i < count; i++) {
     const [from, to] = [i * channels, 4 * i];
     out[to + 3] = 255;
@@ -178,7 +178,19 @@ function point(event) {
   pointed = frame !== null && isInside([x, y]) ? [x, y] : null;
   if (pointed === null) return;
   clearTimeout(asked);
-  asked = setTimeout(() => send({ do: "values", x, y }), 80);
+  asked = setTimeout(() => askValues(x, y), 80);
+}
+
+/* A refocused picture has no pixels of the film, of which the server could tell more. */
+function askValues(x, y) {
+  if (frame.layer !== "refocused") {
+    send({ do: "values", x, y });
+    return;
+  }
+  const [column, row] = [Math.floor(x * frame.width), Math.floor(y * frame.height)];
+  const first = frame.channels * (row * frame.width + column);
+  const numbers = [...frame.pixels.subarray(first, first + frame.channels)].map((number) => shortNumber(number));
+  find("#readout").textContent = `x ${column}, y ${row}: ${numbers.join("  ")}`;
 }
 
 function showValues({ x, y, values }) {
@@ -197,7 +209,7 @@ find("#look").addEventListener("click", (event) => {
   if (mode === "look" || comparing || !event.target.closest(".wipe-stage") || !isInside(place)) return;
   if (pressed && Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) > 4) return;
   const [x, y] = place;
-  send(mode === "path" ? { do: "path", x, y } : { do: "focus", x, y, on: mode === "object" });
+  send(mode === "path" ? { do: "path", x, y } : { do: "focus", x, y, on: mode === "object", layer: frame.layer });
   if (mode === "path") notice("tracing");
 });
 
@@ -338,6 +350,12 @@ find("#exposure").addEventListener("input", () => {
 });
 find("#colours").addEventListener("change", draw_frame);
 find("#layer").addEventListener("change", () => send({ do: "layer", name: find("#layer").value }));
+
+function chooseLayer(name) {
+  if (find("#layer").value === name) return;
+  find("#layer").value = name;
+  send({ do: "layer", name });
+}
 for (const button of document.querySelectorAll("#modes button")) {
   button.addEventListener("click", () => {
     mode = button.dataset.mode;
@@ -351,7 +369,10 @@ for (const button of document.querySelectorAll("#modes button")) {
 const TAKEN = {
   state: takeState,
   values: showValues,
-  notice: ({ text }) => notice(text),
+  notice: ({ text, layer }) => {
+    notice(text);
+    if (layer) chooseLayer(layer);
+  },
   refused: ({ text }) => notice(text, true),
   path: ({ text }) => {
     notice("");
