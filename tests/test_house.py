@@ -6,6 +6,7 @@ python -m tests.test_house [FOLDER]     lists what breaks a rule, of a folder's 
 import ast
 import functools
 import operator
+import re
 import sys
 from itertools import chain
 
@@ -23,6 +24,8 @@ MANY_PARAMETERS = tuple(f"raytracer/{name}/" for name in ("core", "kernel", "opt
 
 # First words with which a docstring asks a riddle in place of an answer.
 RIDDLES = ("What becomes", "Whether", "Where ", "How ", "That ", "Who ", "Why ")
+
+_POSSESSIVE = re.compile(rb"\)(?:[*+?]|\{\d*,?\d*\})\+")
 
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
@@ -183,7 +186,18 @@ def unexplained_numbers(name, nodes, source):
     yield from (f"{name}:{number}: {source[number - 1].strip()}" for number in sorted(found))
 
 
-RULES = (large_modules, large_functions, many_parameters, nameless_functions, riddles, undescribed, unexplained_numbers)
+def possessive_groups(name, nodes, source):
+    """Find patterns that Python before 3.11.5 matches wrongly (gh-106052): `(?>(?:a?b)+)` is the same, and right."""
+    for node in nodes:
+        text = node.value if isinstance(node, ast.Constant) else None
+        if isinstance(text, str | bytes) and _POSSESSIVE.search(text.encode() if isinstance(text, str) else text):
+            yield f"{name}:{node.lineno}: a group with a possessive quantifier"
+
+
+RULES = (
+    large_modules, large_functions, many_parameters, nameless_functions, riddles, undescribed, unexplained_numbers,
+    possessive_groups,
+)  # fmt: skip
 EVERY_RULE = pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
 
 
@@ -214,7 +228,8 @@ def test_only_packages_stand_at_the_top():
 def test_rules_find_what_breaks_them(rule):
     long = "".join(f"    x = {i}\n" for i in range(MAX_LINES))
     parameters = ", ".join(f"a{i}" for i in range(MAX_PARAMETERS + 1))
-    source = f'def _({parameters}):\n    """Whether it is."""\n{long}    y = x < 1e-9\n\ndef plain():\n    pass\n'
+    odd = 'y = x < 1e-9, r"(?:a?b){3,}+"'
+    source = f'def _({parameters}):\n    """Whether it is."""\n{long}    {odd}\n\ndef plain():\n    pass\n'
     assert list(rule("raytracer/analysis/made_up.py", *parsed(source)))
 
 

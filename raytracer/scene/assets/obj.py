@@ -40,11 +40,12 @@ _CORNERS = {
     "ftn": (["v", "vt", "vn"], [_INDEX, _INDEX, _INDEX]),
 }
 
-# Runs of lines of one kind, which is the name of the group.
+# Runs of lines of one kind, which is the name of the group.  Groups are atomic and not possessive: before Python 3.11.5
+# `(?:...)++` matches wrongly where something in it may be optional (gh-106052).
 _LINES = {keyword: rf"{keyword}(?=\s)[^\n]*+" for keyword in _NUMBERS}
-_LINES |= {form: rf"f(?:[^\S\n]++{'/'.join(parts)}){{3,}}+[^\S\n]*+" for form, (_, parts) in _CORNERS.items()}
+_LINES |= {form: rf"f(?>(?:[^\S\n]++{'/'.join(parts)}){{3,}})[^\S\n]*+" for form, (_, parts) in _CORNERS.items()}
 _RUN = re.compile(
-    "|".join(rf"(?P<{kind}>(?:[^\S\n]*+{line}\n){{1,32768}}+)" for kind, line in _LINES.items()).encode()
+    "|".join(rf"(?P<{kind}>(?>(?:[^\S\n]*+{line}\n){{1,32768}}))" for kind, line in _LINES.items()).encode()
     + rb"|[^\n]*+\n"
 )
 
