@@ -43,7 +43,7 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class EngineState:
-    """What the engine does.
+    """The state of the engine.
 
     job : number of the scene that it was given last.
     error : relative error as last estimated, or None.

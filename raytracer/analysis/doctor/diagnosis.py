@@ -228,4 +228,4 @@ _REMEDIES = {
     "cache": "RAYTRACER_CACHE_DIR=FOLDER names a folder that is yours",
     "folder": "go to a folder that exists",
 }
-"""What to do where a check raised something."""
+"""Advice where a check raised something."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from raytracer.util.errors import InputError
 
 FOLDER = Path("outputs")
-"""Where pictures go that no option names a place for."""
+"""Folder of the pictures that no option names a place for."""
 
 
 def name_pictures(scenes: Sequence[str], words: Sequence[str], suffix: str | None) -> dict[str, list[Path]]:

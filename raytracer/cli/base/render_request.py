@@ -21,7 +21,7 @@ ProgressForm = Literal["bar", "json", "off"]
 
 
 class Said(NamedTuple):
-    """What is said of a render, and how.
+    """The messages of a render, and their form.
 
     quiet, verbose : less, or more.
     as_json : print the statistics on stdout.

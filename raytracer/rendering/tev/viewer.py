@@ -43,7 +43,7 @@ class Address(NamedTuple):
 
 
 DEFAULT_ADDRESS = Address("127.0.0.1", 14158)
-"""Where tev listens unless it is told otherwise."""
+"""Address at which tev listens unless it is told otherwise."""
 
 
 def parse_address(text: str) -> Address:
