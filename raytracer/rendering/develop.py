@@ -105,10 +105,15 @@ def develop_image(
     return image, exposure
 
 
+def is_radiance(process: DevelopSettings) -> bool:
+    """Tell if pixels of the picture are those of the film, without an exposure."""
+    return process.exposure is None and process.white_balance is None
+
+
 def expose_radiance(mean: NDArray[np.float64], spec: SceneSpec) -> NDArray[np.float64]:
     """Expose a whole picture as the camera says, without its variance and layers: for a look at it."""
     process = film_process(spec)
-    if process.exposure is None and process.white_balance is None:
+    if is_radiance(process):
         return mean
     frame = _crop_frame(spec, Window(0, 0, *spec.picture()))
     return develop_photograph(Image(mean), process, frame, spec.render.seed, {})[0].radiance

@@ -50,7 +50,7 @@ class LiveImage:
         if self._progress is not None:
             self._progress(progress)
         begin = time.perf_counter()
-        if self._session is not None and progress.done > 0 and begin >= self._next_update:
+        if self._session is not None and progress.done > 0 and begin >= self._next_update and is_in_notebook():
             self._show(self._session.develop())
             end = time.perf_counter()
             self._next_update = end + max(_INTERVAL, (end - begin) / _MOST_OF_TIME)

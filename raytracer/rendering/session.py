@@ -12,7 +12,7 @@ from raytracer.film.negative_pixels import find_negative_pixels
 from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.compilation import PreparedScene
-from raytracer.rendering.develop import develop_image, film_process, negative_causes
+from raytracer.rendering.develop import develop_image, film_process, is_radiance, negative_causes
 from raytracer.rendering.diagnostics import diagnose_samples
 from raytracer.rendering.film_region import FilmRegion
 from raytracer.rendering.progress import Progress, ProgressReporter
@@ -103,8 +103,7 @@ class RenderSession:
     @property
     def is_radiance(self) -> bool:
         """Tell if pixels of the picture are those of the film, without an exposure."""
-        process = film_process(self._spec)
-        return process.exposure is None and process.white_balance is None
+        return is_radiance(film_process(self._spec))
 
     def develop(self) -> Image:
         """Make the picture of the film as it is, without its layers and with its noise."""

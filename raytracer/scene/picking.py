@@ -1,4 +1,4 @@
-"""What is seen at a place in the picture: which object, and how far away."""
+"""Picking: the object at a place in the picture, and its distance."""
 
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ from raytracer.scene.pack.scene import PackedScene, scene_ids
 
 
 class Pick(NamedTuple):
-    """What is seen at a place in the picture.
+    """The object at a place in the picture.
 
     object : name, or path in the scene.
     name : given to the object; None without one.

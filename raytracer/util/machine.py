@@ -1,4 +1,4 @@
-"""What the machine leaves this process: processors and memory, also inside of containers and jobs."""
+"""Processors and memory that are left to this process, also inside of containers and jobs."""
 
 import contextlib
 import os

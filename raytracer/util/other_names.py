@@ -92,7 +92,7 @@ OTHER_NAMES: Final = {
 EXPLAINED: Final = {
     "light": "a light stands in the list `lights`, or is an object whose material is an `emitter`",
 }
-"""What newcomers look for in a place where it is not, and where it is."""
+"""Names that newcomers write in the wrong place, and sentences that tell the right one."""
 
 
 def name_here(name: str, known: Container[str]) -> str | None:

@@ -6,15 +6,7 @@ from pathlib import Path
 import pytest
 
 from raytracer.cli.base.defaults import KEYS, default_map, defaults_file, read_defaults, variable
-
-SCENE = """\
-camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
-film: {width: 24, height: 16}
-render: {spp: 4, max_depth: 5}
-environment: {type: constant, radiance: 0.5}
-objects:
-  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.8}}
-"""
+from tests.cli.test_render_words import SCENE
 
 
 @pytest.fixture

@@ -12,15 +12,9 @@ from raytracer.cli.base.render_report import DebugCommand
 from raytracer.film.image_file import load
 from raytracer.rendering.options import OPTIONS
 from raytracer.rendering.progress import Progress, ProgressLines
+from tests.cli.test_render import SCENE as BALL
 
-SCENE = """\
-camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
-film: {width: 24, height: 16}
-render: {spp: 4, max_depth: 5}
-environment: {type: constant, radiance: 0.5}
-objects:
-  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.8}}
-"""
+SCENE = BALL.replace("spp: 16", "spp: 4")
 
 
 @pytest.fixture

@@ -218,7 +218,6 @@ _OTHER_OPTIONS = {
     "--samples": "--spp",
     "--resolution": "--size 640x360",
     "--out": "--output",
-    "--define": "-D",
     "--jobs": "--threads",
     "--cores": "--threads",
 }
