@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, Validator
 from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
 
 from raytracer.schema.validation_errors import error_sentence
-from raytracer.util.errors import format_value, suggest_name
+from raytracer.util.errors import format_value, one_line, suggest_name
 
 _MAX_UNKNOWN_KEYS = 16
 """Unknown keys of a mapping for which a known one is suggested: the message shows one of the first."""
@@ -37,7 +37,9 @@ def field_error(key: str | int | tuple[str | int, ...], message: str) -> Never:
 
 
 def _error(path: tuple[str | int, ...], message: str) -> InitErrorDetails:
-    return InitErrorDetails(type=PydanticCustomError("spec", "{message}", {"message": message}), loc=path, input=None)
+    # pydantic takes no half characters, which a message may quote.
+    error = PydanticCustomError("spec", "{message}", {"message": one_line(message)})
+    return InitErrorDetails(type=error, loc=path, input=None)
 
 
 def first_errors(items: Any, validate: ValidatorFunctionWrapHandler) -> Any:
