@@ -82,6 +82,8 @@ def find_fireflies(mean: Array, m2: Array, count: NDArray[np.int64]) -> Fireflie
     mean, m2 : (height, width, 3), mean of the samples and sum of their squared differences from it.
     count : (height, width), samples.
     """
+    if not (count >= MIN_SAMPLES).any():
+        return None
     n = count[..., None].astype(np.float64)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         # At most 1 / SHARE effective samples; and bright enough to exceed any neighbours by the picture's mean.
