@@ -12,9 +12,23 @@ from raytracer.core.compiler.entry import entry
 # Rows of a camera in a table: position, right, up, forward, and the size of a pixel, left and top of the image plane.
 ORIGIN, RIGHT, UP, FORWARD, PIXEL, LEFT, TOP, CAMERA = 0, 3, 6, 9, 12, 13, 14, 15
 
-STEEPEST = 8.0
+SLOPES = 4
+"""Numbers that `pixel_slopes` measures of a pixel."""
+
+SURFACE = 4
+"""Numbers of a pixel of a surface in a picture; see `draw_surface`."""
+
+STEEPEST = 6.0
 """Slope of a surface against a view's picture, depth over width, above which a step of depth is an edge: so obliquely a
 view shows little of a surface, and others more."""
+
+
+BEND = 2.0
+"""Factor by which a surface may get steeper from one pixel to the next."""
+
+
+AT_EDGE = 0.5 * math.pi
+"""Penalty (rad) of a point at an edge in a view, whose pixels there are means of what is before and behind it."""
 
 
 @kernel
@@ -49,10 +63,23 @@ def _place(camera, right, up, ahead):
 
 
 @kernel
-def _is_step(a, b, pixel):
-    """Tell if a surface breaks off between neighbouring pixels; also where nothing is known of one."""
+def _depth_at(depth, x, y):
+    """Return the depth of a pixel; NaN outside of the picture."""
+    return depth[y, x] if 0 <= x < depth.shape[1] and 0 <= y < depth.shape[0] else math.nan
+
+
+@kernel
+def _is_step(depth, pixel, x, y, dx, dy):
+    """Tell if a surface breaks off between a pixel and the next; also where nothing is known of one."""
+    a, b = _depth_at(depth, x, y), _depth_at(depth, x + dx, y + dy)
+    step = abs(b - a)
     # d(1/z) over a pixel of a plane of slope s is 1/z times s times a pixel's tangent.
-    return not abs(a - b) <= STEEPEST * pixel * max(a, b)
+    if not step <= STEEPEST * pixel * max(a, b):
+        return True
+    # A plane goes on as it came; what a pixel's width changes in depth, is no step.
+    before, after = abs(a - _depth_at(depth, x - dx, y - dy)), abs(_depth_at(depth, x + 2 * dx, y + 2 * dy) - b)
+    slope = max(0.0 if math.isnan(before) else before, 0.0 if math.isnan(after) else after)
+    return step > BEND * slope + pixel * max(a, b)
 
 
 @entry
@@ -60,7 +87,8 @@ def pixel_slopes(depth, pixel, slopes):
     """Measure the change of depth over a pixel of a view, by neighbours on the same surface: right, down, and most.
 
     depth : float64 (height, width).
-    slopes : float64 (height, width, 3), the result; NaN where a pixel has no neighbour on its surface.
+    slopes : float64 (height, width, 4), the result: NaN where a pixel has no neighbour on its surface; the last is 1
+        where all four are, so that the pixel sees nothing else.
     """
     height, width = depth.shape
     for y in range(height):
@@ -70,42 +98,53 @@ def pixel_slopes(depth, pixel, slopes):
             for axis in range(2):
                 total, count = 0.0, 0
                 for sign in (-1, 1):
-                    other_x, other_y = (x + sign, y) if axis == 0 else (x, y + sign)
-                    if 0 <= other_x < width and 0 <= other_y < height:
-                        other = depth[other_y, other_x]
-                        if not _is_step(here, other, pixel):
-                            total += sign * (other - here)
-                            count += 1
-                            most = max(most, abs(other - here))
+                    dx, dy = (sign, 0) if axis == 0 else (0, sign)
+                    if not _is_step(depth, pixel, x, y, dx, dy):
+                        change = depth[y + dy, x + dx] - here
+                        total += sign * change
+                        count += 1
+                        most = max(most, abs(change))
                 slopes[y, x, axis] = total / count if count > 0 else 0.0
                 neighbours += count
-            slopes[y, x, 2] = most if neighbours > 0 and here == here else math.nan
+            slopes[y, x, 2] = most if neighbours > 0 else math.nan
+            slopes[y, x, 3] = 1.0 if neighbours == 4 else 0.0
+
+
+@kernel
+def _reach(depth, x, y, dx, dy):
+    """Return how far a pixel's surface reaches towards a neighbour, in pixels from its middle.
+
+    To the pixel's edge; of a pixel that nothing is seen beside, only part is covered, half of it on average, though its
+    depth is the mean of where something is seen.
+    """
+    return 0.0 if _depth_at(depth, x + dx, y + dy) == 0.0 and depth[y, x] > 0.0 else 0.5
 
 
 @kernel
 def _corner(depth, slopes, pixel, x, y, dx, dy):
-    """Return the depth of a pixel's corner: the mean of the pixels around it that are of its surface."""
-    height, width = depth.shape
-    here = depth[y, x]
-    total, count = here + 0.5 * (dx * slopes[y, x, 0] + dy * slopes[y, x, 1]), 1
-    if 0 <= x + dx < width and not _is_step(here, depth[y, x + dx], pixel):
-        total += depth[y, x + dx] - 0.5 * (dx * slopes[y, x + dx, 0] - dy * slopes[y, x + dx, 1])
+    """Return the place of a pixel's corner, right and down from its middle, and its depth.
+
+    The depth is the mean of the pixels around that are of its surface.
+    """
+    reach_x, reach_y = dx * _reach(depth, x, y, dx, 0), dy * _reach(depth, x, y, 0, dy)
+    total, count = depth[y, x] + reach_x * slopes[y, x, 0] + reach_y * slopes[y, x, 1], 1
+    if not _is_step(depth, pixel, x, y, dx, 0):
+        total += depth[y, x + dx] + (reach_x - dx) * slopes[y, x + dx, 0] + reach_y * slopes[y, x + dx, 1]
         count += 1
-    if 0 <= y + dy < height and not _is_step(here, depth[y + dy, x], pixel):
-        total += depth[y + dy, x] + 0.5 * (dx * slopes[y + dy, x, 0] - dy * slopes[y + dy, x, 1])
+    if not _is_step(depth, pixel, x, y, 0, dy):
+        total += depth[y + dy, x] + reach_x * slopes[y + dy, x, 0] + (reach_y - dy) * slopes[y + dy, x, 1]
         count += 1
-    return max(total / count, 0.0)
+    return reach_x, reach_y, max(total / count, 0.0)
 
 
 @entry
-def draw_surface(source, depth, slopes, target, surface, view, quad):
+def draw_surface(source, depth, slopes, target, surface, quad):
     """Draw the surface that a view sees into the picture of a camera, where it is nearer, or seen better, than others.
 
     source, target : float64 (15,), rows of cameras.
     depth, slopes : of the view, as `pixel_slopes` makes them.
-    surface : float64 (height, width, 4), of the picture: depth; how far it may be off; the angle (rad) between the rays
-        of both; and the view that it is of.  NaN where nothing is known yet.
-    view : number of the view.
+    surface : float64 (height, width, 4), of the picture: depth, NaN where nothing is known yet; how far it may be off;
+        the angle (rad) between the rays of both; and the depth that it must be farther than.
     quad : float64 (4, 3), overwritten.
     """
     height, width = depth.shape
@@ -118,8 +157,8 @@ def draw_surface(source, depth, slopes, target, surface, view, quad):
             low_x, high_x, low_y, high_y = math.inf, -math.inf, math.inf, -math.inf
             for i in range(4):
                 dx, dy = 2 * (i & 1) - 1, 2 * (i >> 1) - 1
-                inverse = _corner(depth, slopes, source[PIXEL], x, y, dx, dy)
-                px, py, pz = _from_view(source, x + 0.5 + 0.5 * dx, y + 0.5 + 0.5 * dy, inverse)
+                reach_x, reach_y, inverse = _corner(depth, slopes, source[PIXEL], x, y, dx, dy)
+                px, py, pz = _from_view(source, x + 0.5 + reach_x, y + 0.5 + reach_y, inverse)
                 right, up, ahead = _to_view(target, px, py, pz, inverse)
                 if ahead <= 0.0:
                     is_ahead = False
@@ -136,8 +175,8 @@ def draw_surface(source, depth, slopes, target, surface, view, quad):
             _, _, ahead = _to_view(target, px, py, pz, depth[y, x])
             off = (source[PIXEL] + (slopes[y, x, 2] / depth[y, x] if depth[y, x] > 0.0 else 0.0)) / ahead
             angle = _angle(source, target, px, py, pz, depth[y, x])
-            _fill(quad, 0, 1, 2, off, angle, view, surface)
-            _fill(quad, 1, 3, 2, off, angle, view, surface)
+            _fill(quad, 0, 1, 2, off, angle, surface)
+            _fill(quad, 1, 3, 2, off, angle, surface)
 
 
 @kernel
@@ -150,7 +189,7 @@ def _angle(source, target, x, y, z, inverse):
 
 
 @kernel
-def _fill(quad, a, b, c, off, angle, view, surface):
+def _fill(quad, a, b, c, off, angle, surface):
     """Draw a triangle: one over a distance is linear on a picture."""
     ax, ay, aw = quad[a, 0], quad[a, 1], quad[a, 2]
     bx, by, bw = quad[b, 0], quad[b, 1], quad[b, 2]
@@ -170,38 +209,102 @@ def _fill(quad, a, b, c, off, angle, view, surface):
             if share_b < 0.0 or share_c < 0.0 or share_b + share_c > 1.0:
                 continue
             inverse = aw + share_b * (bw - aw) + share_c * (cw - aw)
+            # Views saw through what was there.
+            if inverse >= surface[y, x, 3]:
+                continue
             bound, known = off * inverse, surface[y, x, 0]
             slack = bound + surface[y, x, 1]
             # Nearer than all before; or of the same surface, and seen from nearer by.
-            if not known == known or inverse > known + slack or (
-                inverse >= known - slack and angle < surface[y, x, 2]
-            ):
+            is_better = inverse >= known - slack and angle < surface[y, x, 2]
+            if math.isnan(known) or inverse > known + slack or is_better:
                 surface[y, x, 0] = inverse
                 surface[y, x, 1] = bound
                 surface[y, x, 2] = angle
-                surface[y, x, 3] = view
 
 
 @kernel
 def _share_seen(depth, slopes, pixel, x, y, inverse, off):
-    """Return the share of a place in a view at which the view sees a point: of the four pixels around, bilinearly."""
+    """Return by which share a view sees a point at a place: of the four pixels around it, bilinearly.
+
+    Also return the share of those that see nothing else.
+    """
     height, width = depth.shape
     left, top = math.floor(x - 0.5), math.floor(y - 0.5)
     tx, ty = x - 0.5 - left, y - 0.5 - top
-    share = 0.0
+    share, clean = 0.0, 0.0
     for j in range(2):
         for i in range(2):
             weight = (tx if i == 1 else 1.0 - tx) * (ty if j == 1 else 1.0 - ty)
             px, py = min(max(int(left) + i, 0), width - 1), min(max(int(top) + j, 0), height - 1)
             if sees(depth[py, px], slopes[py, px, 2], pixel, inverse, off):
                 share += weight
-    return share
+                clean += weight * slopes[py, px, 3]
+    return share, clean
 
 
 @kernel
 def sees(depth, slope, pixel, inverse, off):
     """Tell if a pixel sees a point at one over a distance: what they differ by is within what both may be off by."""
-    return abs(inverse - depth) <= off * inverse + (slope if slope >= 0.0 else 0.0) + pixel * depth
+    return abs(inverse - depth) <= off * inverse + (0.0 if math.isnan(slope) else slope) + pixel * depth
+
+
+@entry
+def median_angle(source, depth, target, tall, wide, columns, rows, angles):
+    """Return the median angle (rad) between the rays of a view and of a camera to points that both have in sight.
+
+    columns, rows : int64 (n,), pixels of the view whose points are taken.
+    angles : float64 (n * n,), overwritten.
+
+    It is infinite where a camera has none of these points in its picture, of height x width pixels.
+    """
+    count = 0
+    for y in rows:
+        for x in columns:
+            inverse = depth[y, x]
+            if not inverse >= 0.0:
+                continue
+            px, py, pz = _from_view(source, x + 0.5, y + 0.5, inverse)
+            right, up, ahead = _to_view(target, px, py, pz, inverse)
+            if ahead <= 0.0:
+                continue
+            place_x, place_y = _place(target, right, up, ahead)
+            if 0.0 <= place_x <= wide and 0.0 <= place_y <= tall:
+                angle, at = _angle(source, target, px, py, pz, inverse), count
+                while at > 0 and angles[at - 1] > angle:
+                    angles[at] = angles[at - 1]
+                    at -= 1
+                angles[at] = angle
+                count += 1
+    return angles[count // 2] if count > 0 else math.inf
+
+
+@entry
+def find_false(source, depth, slopes, target, surface, false):
+    """Mark the points of a picture's surface that a view sees through, so that there is nothing.
+
+    false : bool (height, width).
+    """
+    height, width = depth.shape
+    tall, wide = false.shape
+    for y in range(tall):
+        for x in range(wide):
+            inverse = surface[y, x, 0]
+            if not inverse > 0.0 or false[y, x]:
+                continue
+            px, py, pz = _from_view(target, x + 0.5, y + 0.5, inverse)
+            right, up, ahead = _to_view(source, px, py, pz, inverse)
+            if ahead <= 0.0:
+                continue
+            place_x, place_y = _place(source, right, up, ahead)
+            if not (0.0 <= place_x < width and 0.0 <= place_y < height):
+                continue
+            at_x, at_y = int(place_x), int(place_y)
+            # A pixel at an edge may hold a mean of what is before and behind.
+            if slopes[at_y, at_x, 3] != 1.0:
+                continue
+            known, slope = depth[at_y, at_x], slopes[at_y, at_x, 2]
+            if inverse / ahead - known > surface[y, x, 1] / ahead + slope + source[PIXEL] * known:
+                false[y, x] = True
 
 
 @entry
@@ -217,7 +320,7 @@ def rank_view(source, depth, slopes, target, surface, view, best):
     for y in range(tall):
         for x in range(wide):
             inverse = surface[y, x, 0]
-            if not inverse == inverse:
+            if math.isnan(inverse):
                 continue
             px, py, pz = _from_view(target, x + 0.5, y + 0.5, inverse)
             right, up, ahead = _to_view(source, px, py, pz, inverse)
@@ -233,7 +336,9 @@ def rank_view(source, depth, slopes, target, surface, view, best):
             if penalty >= best[y, x, count - 1, 0]:
                 continue
             off = surface[y, x, 1] / (inverse * ahead) if inverse > 0.0 else 0.0
-            if _share_seen(depth, slopes, source[PIXEL], place_x, place_y, inverse / ahead, off) < 0.5:
+            share, clean = _share_seen(depth, slopes, source[PIXEL], place_x, place_y, inverse / ahead, off)
+            penalty += AT_EDGE * (1.0 - clean)
+            if share < 0.5 or penalty >= best[y, x, count - 1, 0]:
                 continue
             at = count - 1
             while at > 0 and best[y, x, at - 1, 0] > penalty:
@@ -258,7 +363,6 @@ def add_view(source, depth, slopes, radiance, target, surface, view, weights, to
     weights : float64 (height, width, k, 2), weight and number of the views of each pixel.
     total : float64 (height, width, 4), the sum of weighted radiance, and of weights.
     """
-    height, width = depth.shape
     tall, wide, count = weights.shape[:3]
     for y in range(tall):
         for x in range(wide):
@@ -273,16 +377,14 @@ def add_view(source, depth, slopes, radiance, target, surface, view, weights, to
             right, up, ahead = _to_view(source, px, py, pz, inverse)
             place_x, place_y = _place(source, right, up, ahead)
             off = surface[y, x, 1] / (inverse * ahead) if inverse > 0.0 else 0.0
-            _sample(
-                depth, slopes, radiance, source[PIXEL], place_x, place_y, inverse / ahead, off, weight, total, x, y
-            )
+            _sample(depth, slopes, radiance, source[PIXEL], place_x, place_y, inverse / ahead, off, weight, total, x, y)
 
 
 @kernel
 def _sample(depth, slopes, radiance, pixel, place_x, place_y, inverse, off, weight, total, x, y):
     """Sample a view by those of its pixels that see the point: cubic where all around do, else linear."""
     height, width = depth.shape
-    left, top = int(math.floor(place_x - 0.5)), int(math.floor(place_y - 0.5))
+    left, top = math.floor(place_x - 0.5), math.floor(place_y - 0.5)
     tx, ty = place_x - 0.5 - left, place_y - 0.5 - top
     is_whole = left >= 1 and top >= 1 and left + 2 < width and top + 2 < height
     if is_whole:
