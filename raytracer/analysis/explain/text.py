@@ -86,6 +86,7 @@ _GROUPS = {
         _Quantity("film_gigabytes", "film of all", "GB"),
         _Quantity("view_spacing_mm", "from view to view", "mm"),
         _Quantity("view_spacing_up_mm", "from row to row", "mm"),
+        _Quantity("view_angle_deg", "and as an angle about their middle", "deg"),
         _Quantity("baseline_mm", "from the first column to the last", "mm"),
         _Quantity("baseline_up_mm", "from the first row to the last", "mm"),
         _Quantity("convergence_distance_m", "all views alike at", "m"),

@@ -12,7 +12,7 @@ from raytracer.core.vec import neg, norm, sub
 from raytracer.core.world_origin import world_to_authored
 from raytracer.kernel.aovs.base.interface import AovSpec
 from raytracer.kernel.aovs.base.layers import measure
-from raytracer.plugins.cameras.base.interface import project
+from raytracer.plugins.cameras.base.interface import axial_depth
 from raytracer.plugins.materials.base.dispatch import reflectance_at
 
 
@@ -40,7 +40,7 @@ class DepthQuantity(NamedTuple):
 
 @measure.register(DepthQuantity)
 def measure_depth_quantity(quantity, scene, seen):
-    return project(scene.camera, seen.hit.point, seen.time)[2], 0.0, 0.0
+    return axial_depth(scene.camera, seen.hit.point, seen.previous, seen.time), 0.0, 0.0
 
 
 class Depth(AovSpec):

@@ -302,6 +302,15 @@ def project(camera, point, time):
     return math.nan, math.nan, dot(sub(point, camera.frame.origin), camera.frame.forward)
 
 
+@overridable
+def axial_depth(camera, point, start, time):
+    """Return the depth (m) of a point along the axis of the view that sees it by a ray from `start`; as `project` does.
+
+    It is another than `project` gives only where views have axes of their own.
+    """
+    return project(camera, point, time)[2]
+
+
 class Defocus(NamedTuple):
     """Thin lens that a camera has, or that blurs near the axis as its lens of glass does.
 

@@ -132,6 +132,12 @@ def project_moving_camera(camera, point, time):
     return interface.project(camera.camera, apply_point(invert(pose_at(camera.trajectories, 0, time)), point), time)
 
 
+@interface.axial_depth.register(MovingCamera)
+def axial_depth_moving_camera(camera, point, start, time):
+    back = invert(pose_at(camera.trajectories, 0, time))
+    return interface.axial_depth(camera.camera, apply_point(back, point), apply_point(back, start), time)
+
+
 @interface.camera_defocus.register(MovingCamera)
 def camera_defocus_moving_camera(camera: Any) -> Any:
     return interface.camera_defocus(camera.camera)

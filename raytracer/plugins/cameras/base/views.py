@@ -1,4 +1,4 @@
-"""Many views of one scene in one picture, for camera arrays and light slabs."""
+"""Many views of one scene in one picture, for camera arrays, light slabs and rigs of cameras."""
 
 import math
 from typing import Any, NamedTuple
@@ -28,15 +28,27 @@ MAX_VIEWS = 1024
 _MIN_MARGIN = 16
 
 
+class ViewFilms(NamedTuple):
+    """Films of views, side by side but apart.
+
+    width, height (px) : size of a view.
+    stride (px) : step from one view's film to the next.
+    guard (px) : film beyond each edge of a view.
+    """
+
+    width: int
+    height: int
+    stride: int
+    guard: int
+
+
 class ViewGrid(NamedTuple):
     """Packed grid of views.
 
     left, top (m) : place of the first view, right and up from the middle.
     across, down (m) : steps from one view to the next.
     inverse_convergence (1/m) : one over the distance at which all views see the same at the same place of their films.
-    width, height (px) : size of a view.
-    stride (px) : step from one view's film to the next.
-    guard (px) : film beyond each edge of a view.
+    width, height, stride, guard (px) : as in `ViewFilms`.
     """
 
     left: float
@@ -70,11 +82,15 @@ def make_view_grid(
 ) -> ViewGrid:
     """Make a grid of views of width x height pixels; `spacing` is the step to the right and that down (m)."""
     across, down = spacing
+    left, top = -0.5 * across * (columns - 1), 0.5 * down * (rows - 1)
+    return ViewGrid(left, top, across, down, inverse_convergence, *make_view_films(width, height))
+
+
+def make_view_films(width: int, height: int) -> ViewFilms:
+    """Lay out the films of views of width x height pixels."""
     # Strides are powers of two, so that the step back to a view is exact.
     guard = view_margin(width, height)
-    stride = 1 << (max(width, height) + 2 * guard - 1).bit_length()
-    left, top = -0.5 * across * (columns - 1), 0.5 * down * (rows - 1)
-    return ViewGrid(left, top, across, down, inverse_convergence, width, height, stride, guard)
+    return ViewFilms(width, height, 1 << (max(width, height) + 2 * guard - 1).bit_length(), guard)
 
 
 def replicate_camera(camera: PerspectiveCamera, grid: ViewGrid) -> ViewsCamera:
@@ -127,28 +143,40 @@ def describe_views(views: Views) -> dict[str, float]:
     return numbers
 
 
-@interface.film_corner.register(ViewsCamera)
-def film_corner_views_camera(camera, x, y):
-    grid = camera.grid
-    return x + (x // grid.width) * (grid.stride - grid.width), y + (y // grid.height) * (grid.stride - grid.height)
+@kernel
+def corner_on_films(films, x, y):
+    """Return the film position of the top left corner of a pixel of the picture; `films` as in `ViewFilms`."""
+    return x + (x // films.width) * (films.stride - films.width), y + (y // films.height) * (
+        films.stride - films.height
+    )
 
 
 @kernel
-def _view_index(grid, place):
+def view_index(films, place):
     """Return the row or column of the view whose film holds this coordinate of a film position."""
-    return math.floor((place + grid.guard) / grid.stride)
+    return math.floor((place + films.guard) / films.stride)
+
+
+@kernel
+def place_in_view(films, x, y):
+    """Return a film position in pixels from the top left corner of its view."""
+    return x - films.stride * view_index(films, x), y - films.stride * view_index(films, y)
+
+
+@interface.film_corner.register(ViewsCamera)
+def film_corner_views_camera(camera, x, y):
+    return corner_on_films(camera.grid, x, y)
 
 
 @interface.film_to_view.register(ViewsCamera)
 def film_to_view_views_camera(camera, x, y):
-    grid = camera.grid
-    return x - grid.stride * _view_index(grid, x), y - grid.stride * _view_index(grid, y)
+    return place_in_view(camera.grid, x, y)
 
 
 @interface.camera_ray.register(ViewsCamera)
 def camera_ray_views_camera(camera, x, y, time, draws):
     grid, frame = camera.grid, camera.frame
-    column, row = _view_index(grid, x), _view_index(grid, y)
+    column, row = view_index(grid, x), view_index(grid, y)
     right, up = grid.left + grid.across * column, grid.top - grid.down * row
     shift = add(scale(right, frame.right), scale(up, frame.up))
 

@@ -1,0 +1,414 @@
+"""Kernels of pictures from any pose: surfaces drawn from the depth of views, and the views that each point is seen by.
+
+Depth is one over the distance along an axis throughout, 0 for what is infinitely far, NaN where nothing is known; so a
+point of a view's ray is `ahead + inverse * origin`, with a last coordinate of `inverse`, which may be 0.
+"""
+
+import math
+
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.compiler.entry import entry
+
+# Rows of a camera in a table: position, right, up, forward, and the size of a pixel, left and top of the image plane.
+ORIGIN, RIGHT, UP, FORWARD, PIXEL, LEFT, TOP, CAMERA = 0, 3, 6, 9, 12, 13, 14, 15
+
+SLOPES = 4
+"""Numbers that `pixel_slopes` measures of a pixel."""
+
+SURFACE = 4
+"""Numbers of a pixel of a surface in a picture; see `draw_surface`."""
+
+STEEPEST = 6.0
+"""Slope of a surface against a view's picture, depth over width, above which a step of depth is an edge: so obliquely a
+view shows little of a surface, and others more."""
+
+
+BEND = 2.0
+"""Factor by which a surface may get steeper from one pixel to the next."""
+
+
+AT_EDGE = 0.5 * math.pi
+"""Penalty (rad) of a point at an edge in a view, whose pixels there are means of what is before and behind it."""
+
+
+@kernel
+def _axis(camera, first, x, y, z):
+    return camera[first] * x + camera[first + 1] * y + camera[first + 2] * z
+
+
+@kernel
+def _to_view(camera, x, y, z, inverse):
+    """Transform a point to a view: right, up and ahead, to be divided by each other, and `inverse` as it was."""
+    x -= inverse * camera[ORIGIN]
+    y -= inverse * camera[ORIGIN + 1]
+    z -= inverse * camera[ORIGIN + 2]
+    return _axis(camera, RIGHT, x, y, z), _axis(camera, UP, x, y, z), _axis(camera, FORWARD, x, y, z)
+
+
+@kernel
+def _from_view(camera, x, y, inverse):
+    """Make the point that a view sees at a place of its picture (px), at one over a distance."""
+    right, up = camera[LEFT] + camera[PIXEL] * x, camera[TOP] - camera[PIXEL] * y
+    return (
+        camera[FORWARD] + right * camera[RIGHT] + up * camera[UP] + inverse * camera[ORIGIN],
+        camera[FORWARD + 1] + right * camera[RIGHT + 1] + up * camera[UP + 1] + inverse * camera[ORIGIN + 1],
+        camera[FORWARD + 2] + right * camera[RIGHT + 2] + up * camera[UP + 2] + inverse * camera[ORIGIN + 2],
+    )
+
+
+@kernel
+def _place(camera, right, up, ahead):
+    """Return the place (px) in a view's picture of a point in front of it."""
+    return (right / ahead - camera[LEFT]) / camera[PIXEL], (camera[TOP] - up / ahead) / camera[PIXEL]
+
+
+@kernel
+def _depth_at(depth, x, y):
+    """Return the depth of a pixel; NaN outside of the picture."""
+    return depth[y, x] if 0 <= x < depth.shape[1] and 0 <= y < depth.shape[0] else math.nan
+
+
+@kernel
+def _is_step(depth, pixel, x, y, dx, dy):
+    """Tell if a surface breaks off between a pixel and the next; also where nothing is known of one."""
+    a, b = _depth_at(depth, x, y), _depth_at(depth, x + dx, y + dy)
+    step = abs(b - a)
+    # d(1/z) over a pixel of a plane of slope s is 1/z times s times a pixel's tangent.
+    if not step <= STEEPEST * pixel * max(a, b):
+        return True
+    # A plane goes on as it came; what a pixel's width changes in depth, is no step.
+    before, after = abs(a - _depth_at(depth, x - dx, y - dy)), abs(_depth_at(depth, x + 2 * dx, y + 2 * dy) - b)
+    slope = max(0.0 if math.isnan(before) else before, 0.0 if math.isnan(after) else after)
+    return step > BEND * slope + pixel * max(a, b)
+
+
+@entry
+def pixel_slopes(depth, pixel, slopes):
+    """Measure the change of depth over a pixel of a view, by neighbours on the same surface: right, down, and most.
+
+    depth : float64 (height, width).
+    slopes : float64 (height, width, 4), the result: NaN where a pixel has no neighbour on its surface; the last is 1
+        where all four are, so that the pixel sees nothing else.
+    """
+    height, width = depth.shape
+    for y in range(height):
+        for x in range(width):
+            here = depth[y, x]
+            most, neighbours = 0.0, 0
+            for axis in range(2):
+                total, count = 0.0, 0
+                for sign in (-1, 1):
+                    dx, dy = (sign, 0) if axis == 0 else (0, sign)
+                    if not _is_step(depth, pixel, x, y, dx, dy):
+                        change = depth[y + dy, x + dx] - here
+                        total += sign * change
+                        count += 1
+                        most = max(most, abs(change))
+                slopes[y, x, axis] = total / count if count > 0 else 0.0
+                neighbours += count
+            slopes[y, x, 2] = most if neighbours > 0 else math.nan
+            slopes[y, x, 3] = 1.0 if neighbours == 4 else 0.0
+
+
+@kernel
+def _reach(depth, x, y, dx, dy):
+    """Return how far a pixel's surface reaches towards a neighbour, in pixels from its middle.
+
+    To the pixel's edge; of a pixel that nothing is seen beside, only part is covered, half of it on average, though its
+    depth is the mean of where something is seen.
+    """
+    return 0.0 if _depth_at(depth, x + dx, y + dy) == 0.0 and depth[y, x] > 0.0 else 0.5
+
+
+@kernel
+def _corner(depth, slopes, pixel, x, y, dx, dy):
+    """Return the place of a pixel's corner, right and down from its middle, and its depth.
+
+    The depth is the mean of the pixels around that are of its surface.
+    """
+    reach_x, reach_y = dx * _reach(depth, x, y, dx, 0), dy * _reach(depth, x, y, 0, dy)
+    total, count = depth[y, x] + reach_x * slopes[y, x, 0] + reach_y * slopes[y, x, 1], 1
+    if not _is_step(depth, pixel, x, y, dx, 0):
+        total += depth[y, x + dx] + (reach_x - dx) * slopes[y, x + dx, 0] + reach_y * slopes[y, x + dx, 1]
+        count += 1
+    if not _is_step(depth, pixel, x, y, 0, dy):
+        total += depth[y + dy, x] + reach_x * slopes[y + dy, x, 0] + (reach_y - dy) * slopes[y + dy, x, 1]
+        count += 1
+    return reach_x, reach_y, max(total / count, 0.0)
+
+
+@entry
+def draw_surface(source, depth, slopes, target, surface, quad):
+    """Draw the surface that a view sees into the picture of a camera, where it is nearer, or seen better, than others.
+
+    source, target : float64 (15,), rows of cameras.
+    depth, slopes : of the view, as `pixel_slopes` makes them.
+    surface : float64 (height, width, 4), of the picture: depth, NaN where nothing is known yet; how far it may be off;
+        the angle (rad) between the rays of both; and the depth that it must be farther than.
+    quad : float64 (4, 3), overwritten.
+    """
+    height, width = depth.shape
+    tall, wide = surface.shape[:2]
+    for y in range(height):
+        for x in range(width):
+            if not slopes[y, x, 2] >= 0.0:
+                continue
+            is_ahead = True
+            low_x, high_x, low_y, high_y = math.inf, -math.inf, math.inf, -math.inf
+            for i in range(4):
+                dx, dy = 2 * (i & 1) - 1, 2 * (i >> 1) - 1
+                reach_x, reach_y, inverse = _corner(depth, slopes, source[PIXEL], x, y, dx, dy)
+                px, py, pz = _from_view(source, x + 0.5 + reach_x, y + 0.5 + reach_y, inverse)
+                right, up, ahead = _to_view(target, px, py, pz, inverse)
+                if ahead <= 0.0:
+                    is_ahead = False
+                    break
+                place_x, place_y = _place(target, right, up, ahead)
+                quad[i, 0], quad[i, 1], quad[i, 2] = place_x, place_y, inverse / ahead
+                low_x, high_x = min(low_x, place_x), max(high_x, place_x)
+                low_y, high_y = min(low_y, place_y), max(high_y, place_y)
+            if not is_ahead or high_x < 0.5 or low_x > wide or high_y < 0.5 or low_y > tall:
+                continue
+            # What the depth may be off by: its change over a pixel, and a pixel's own width; as a part of that from the
+            # camera, which is farther by `ahead`.
+            px, py, pz = _from_view(source, x + 0.5, y + 0.5, depth[y, x])
+            _, _, ahead = _to_view(target, px, py, pz, depth[y, x])
+            off = (source[PIXEL] + (slopes[y, x, 2] / depth[y, x] if depth[y, x] > 0.0 else 0.0)) / ahead
+            angle = _angle(source, target, px, py, pz, depth[y, x])
+            _fill(quad, 0, 1, 2, off, angle, surface)
+            _fill(quad, 1, 3, 2, off, angle, surface)
+
+
+@kernel
+def _angle(source, target, x, y, z, inverse):
+    """Return the angle (rad) at a point between the rays to two cameras."""
+    ax, ay, az = x - inverse * source[0], y - inverse * source[1], z - inverse * source[2]
+    bx, by, bz = x - inverse * target[0], y - inverse * target[1], z - inverse * target[2]
+    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return math.atan2(math.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
+
+
+@kernel
+def _fill(quad, a, b, c, off, angle, surface):
+    """Draw a triangle: one over a distance is linear on a picture."""
+    ax, ay, aw = quad[a, 0], quad[a, 1], quad[a, 2]
+    bx, by, bw = quad[b, 0], quad[b, 1], quad[b, 2]
+    cx, cy, cw = quad[c, 0], quad[c, 1], quad[c, 2]
+    area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+    # Seen from behind, nothing is known of a surface.
+    if not area > 0.0:
+        return
+    tall, wide = surface.shape[:2]
+    first_x, last_x = max(math.ceil(min(ax, bx, cx) - 0.5), 0), min(math.floor(max(ax, bx, cx) - 0.5), wide - 1)
+    first_y, last_y = max(math.ceil(min(ay, by, cy) - 0.5), 0), min(math.floor(max(ay, by, cy) - 0.5), tall - 1)
+    for y in range(int(first_y), int(last_y) + 1):
+        for x in range(int(first_x), int(last_x) + 1):
+            px, py = x + 0.5, y + 0.5
+            share_b = ((px - ax) * (cy - ay) - (cx - ax) * (py - ay)) / area
+            share_c = ((bx - ax) * (py - ay) - (px - ax) * (by - ay)) / area
+            if share_b < 0.0 or share_c < 0.0 or share_b + share_c > 1.0:
+                continue
+            inverse = aw + share_b * (bw - aw) + share_c * (cw - aw)
+            # Views saw through what was there.
+            if inverse >= surface[y, x, 3]:
+                continue
+            bound, known = off * inverse, surface[y, x, 0]
+            slack = bound + surface[y, x, 1]
+            # Nearer than all before; or of the same surface, and seen from nearer by.
+            is_better = inverse >= known - slack and angle < surface[y, x, 2]
+            if math.isnan(known) or inverse > known + slack or is_better:
+                surface[y, x, 0] = inverse
+                surface[y, x, 1] = bound
+                surface[y, x, 2] = angle
+
+
+@kernel
+def _share_seen(depth, slopes, pixel, x, y, inverse, off):
+    """Return by which share a view sees a point at a place: of the four pixels around it, bilinearly.
+
+    Also return the share of those that see nothing else.
+    """
+    height, width = depth.shape
+    left, top = math.floor(x - 0.5), math.floor(y - 0.5)
+    tx, ty = x - 0.5 - left, y - 0.5 - top
+    share, clean = 0.0, 0.0
+    for j in range(2):
+        for i in range(2):
+            weight = (tx if i == 1 else 1.0 - tx) * (ty if j == 1 else 1.0 - ty)
+            px, py = min(max(int(left) + i, 0), width - 1), min(max(int(top) + j, 0), height - 1)
+            if sees(depth[py, px], slopes[py, px, 2], pixel, inverse, off):
+                share += weight
+                clean += weight * slopes[py, px, 3]
+    return share, clean
+
+
+@kernel
+def sees(depth, slope, pixel, inverse, off):
+    """Tell if a pixel sees a point at one over a distance: what they differ by is within what both may be off by."""
+    return abs(inverse - depth) <= off * inverse + (0.0 if math.isnan(slope) else slope) + pixel * depth
+
+
+@entry
+def median_angle(source, depth, target, tall, wide, columns, rows, angles):
+    """Return the median angle (rad) between the rays of a view and of a camera to points that both have in sight.
+
+    columns, rows : int64 (n,), pixels of the view whose points are taken.
+    angles : float64 (n * n,), overwritten.
+
+    It is infinite where a camera has none of these points in its picture, of height x width pixels.
+    """
+    count = 0
+    for y in rows:
+        for x in columns:
+            inverse = depth[y, x]
+            if not inverse >= 0.0:
+                continue
+            px, py, pz = _from_view(source, x + 0.5, y + 0.5, inverse)
+            right, up, ahead = _to_view(target, px, py, pz, inverse)
+            if ahead <= 0.0:
+                continue
+            place_x, place_y = _place(target, right, up, ahead)
+            if 0.0 <= place_x <= wide and 0.0 <= place_y <= tall:
+                angle, at = _angle(source, target, px, py, pz, inverse), count
+                while at > 0 and angles[at - 1] > angle:
+                    angles[at] = angles[at - 1]
+                    at -= 1
+                angles[at] = angle
+                count += 1
+    return angles[count // 2] if count > 0 else math.inf
+
+
+@entry
+def find_false(source, depth, slopes, target, surface, false):
+    """Mark the points of a picture's surface that a view sees through, so that there is nothing.
+
+    false : bool (height, width).
+    """
+    height, width = depth.shape
+    tall, wide = false.shape
+    for y in range(tall):
+        for x in range(wide):
+            inverse = surface[y, x, 0]
+            if not inverse > 0.0 or false[y, x]:
+                continue
+            px, py, pz = _from_view(target, x + 0.5, y + 0.5, inverse)
+            right, up, ahead = _to_view(source, px, py, pz, inverse)
+            if ahead <= 0.0:
+                continue
+            place_x, place_y = _place(source, right, up, ahead)
+            if not (0.0 <= place_x < width and 0.0 <= place_y < height):
+                continue
+            at_x, at_y = int(place_x), int(place_y)
+            # A pixel at an edge may hold a mean of what is before and behind.
+            if slopes[at_y, at_x, 3] != 1.0:
+                continue
+            known, slope = depth[at_y, at_x], slopes[at_y, at_x, 2]
+            if inverse / ahead - known > surface[y, x, 1] / ahead + slope + source[PIXEL] * known:
+                false[y, x] = True
+
+
+@entry
+def rank_view(source, depth, slopes, target, surface, view, best):
+    """Enter a view among those that each pixel of a picture is best seen by.
+
+    best : float64 (height, width, k, 2), the penalty and the number of the k best views, the best first; inf for none.
+
+    The penalty is the angle between the rays plus what the view lacks in resolution, as by Buehler et al., sec. 4.
+    """
+    height, width = depth.shape
+    tall, wide, count = best.shape[:3]
+    for y in range(tall):
+        for x in range(wide):
+            inverse = surface[y, x, 0]
+            if math.isnan(inverse):
+                continue
+            px, py, pz = _from_view(target, x + 0.5, y + 0.5, inverse)
+            right, up, ahead = _to_view(source, px, py, pz, inverse)
+            if ahead <= 0.0:
+                continue
+            place_x, place_y = _place(source, right, up, ahead)
+            if not (0.5 <= place_x <= width - 0.5 and 0.5 <= place_y <= height - 0.5):
+                continue
+            penalty = _angle(source, target, px, py, pz, inverse)
+            # Pixels of the view against those of the picture, on the surface.
+            coarse = ahead * source[PIXEL] / target[PIXEL] - 1.0
+            penalty += max(coarse, 0.0)
+            if penalty >= best[y, x, count - 1, 0]:
+                continue
+            off = surface[y, x, 1] / (inverse * ahead) if inverse > 0.0 else 0.0
+            share, clean = _share_seen(depth, slopes, source[PIXEL], place_x, place_y, inverse / ahead, off)
+            penalty += AT_EDGE * (1.0 - clean)
+            if share < 0.5 or penalty >= best[y, x, count - 1, 0]:
+                continue
+            at = count - 1
+            while at > 0 and best[y, x, at - 1, 0] > penalty:
+                best[y, x, at, 0], best[y, x, at, 1] = best[y, x, at - 1, 0], best[y, x, at - 1, 1]
+                at -= 1
+            best[y, x, at, 0], best[y, x, at, 1] = penalty, view
+
+
+@kernel
+def _cubic(t, i):
+    """Return the weight of neighbour i, -1 to 2, of a place t after neighbour 0 (Keys 1981)."""
+    a = abs(t - i)
+    if a < 1.0:
+        return (1.5 * a - 2.5) * a * a + 1.0
+    return ((-0.5 * a + 2.5) * a - 4.0) * a + 2.0 if a < 2.0 else 0.0
+
+
+@entry
+def add_view(source, depth, slopes, radiance, target, surface, view, weights, total):
+    """Add what a view sees of each pixel's point to a picture.
+
+    weights : float64 (height, width, k, 2), weight and number of the views of each pixel.
+    total : float64 (height, width, 4), the sum of weighted radiance, and of weights.
+    """
+    tall, wide, count = weights.shape[:3]
+    for y in range(tall):
+        for x in range(wide):
+            weight = 0.0
+            for i in range(count):
+                if weights[y, x, i, 1] == view:
+                    weight = weights[y, x, i, 0]
+            if weight <= 0.0:
+                continue
+            inverse = surface[y, x, 0]
+            px, py, pz = _from_view(target, x + 0.5, y + 0.5, inverse)
+            right, up, ahead = _to_view(source, px, py, pz, inverse)
+            place_x, place_y = _place(source, right, up, ahead)
+            off = surface[y, x, 1] / (inverse * ahead) if inverse > 0.0 else 0.0
+            _sample(depth, slopes, radiance, source[PIXEL], place_x, place_y, inverse / ahead, off, weight, total, x, y)
+
+
+@kernel
+def _sample(depth, slopes, radiance, pixel, place_x, place_y, inverse, off, weight, total, x, y):
+    """Sample a view by those of its pixels that see the point: cubic where all around do, else linear."""
+    height, width = depth.shape
+    left, top = math.floor(place_x - 0.5), math.floor(place_y - 0.5)
+    tx, ty = place_x - 0.5 - left, place_y - 0.5 - top
+    is_whole = left >= 1 and top >= 1 and left + 2 < width and top + 2 < height
+    if is_whole:
+        for j in range(-1, 3):
+            for i in range(-1, 3):
+                at_y, at_x = top + j, left + i
+                is_whole = is_whole and sees(depth[at_y, at_x], slopes[at_y, at_x, 2], pixel, inverse, off)
+    red, green, blue, share = 0.0, 0.0, 0.0, 0.0
+    first, last = (-1, 3) if is_whole else (0, 2)
+    for j in range(first, last):
+        for i in range(first, last):
+            at_y, at_x = min(max(top + j, 0), height - 1), min(max(left + i, 0), width - 1)
+            if is_whole:
+                part = _cubic(tx, i) * _cubic(ty, j)
+            elif sees(depth[at_y, at_x], slopes[at_y, at_x, 2], pixel, inverse, off):
+                part = (tx if i == 1 else 1.0 - tx) * (ty if j == 1 else 1.0 - ty)
+            else:
+                continue
+            red += part * radiance[at_y, at_x, 0]
+            green += part * radiance[at_y, at_x, 1]
+            blue += part * radiance[at_y, at_x, 2]
+            share += part
+    if share > 0.0:
+        total[y, x, 0] += weight * red / share
+        total[y, x, 1] += weight * green / share
+        total[y, x, 2] += weight * blue / share
+        total[y, x, 3] += weight
