@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from raytracer.film.light_field.field import LightField, Rays
     from raytracer.film.light_field.focusing import refocusable
     from raytracer.film.light_field.layout import extract_light_field as of
-    from raytracer.film.light_field.lf import Writer, open, write  # noqa: A004
+    from raytracer.film.light_field.lf import Writer, open, open_posed, write  # noqa: A004
+    from raytracer.film.light_field.posed_field import PosedLightField
+    from raytracer.film.light_field.posed_views import PosedViews
     from raytracer.film.light_field.views import Plane, Pose, Views
     from raytracer.lightfield.capturing.capture import Captured, capture
     from raytracer.lightfield.decoding.calibration import find_grid
@@ -38,7 +40,9 @@ if TYPE_CHECKING:
 _MODULES = {
     "raytracer.film.light_field.field": ("LightField", "Rays"),
     "raytracer.film.light_field.focusing": ("refocusable",),
-    "raytracer.film.light_field.lf": ("Writer", "open", "write"),
+    "raytracer.film.light_field.lf": ("Writer", "open", "open_posed", "write"),
+    "raytracer.film.light_field.posed_field": ("PosedLightField",),
+    "raytracer.film.light_field.posed_views": ("PosedViews",),
     "raytracer.film.light_field.views": ("Plane", "Pose", "Views"),
     "raytracer.lightfield.capturing.capture": ("Captured", "capture"),
     "raytracer.lightfield.decoding.calibration": ("find_grid",),
@@ -72,6 +76,8 @@ __all__ = [
     "Optics",
     "Plane",
     "Pose",
+    "PosedLightField",
+    "PosedViews",
     "Rays",
     "Views",
     "Writer",
@@ -90,6 +96,7 @@ __all__ = [
     "montage",
     "of",
     "open",
+    "open_posed",
     "page",
     "path_places",
     "read_grid",

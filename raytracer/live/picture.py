@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from raytracer.film.film import Film
 from raytracer.film.image import Image
+from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.layout import extract_light_field
+from raytracer.film.light_field.views import Views
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.rendering.adaptive_sampling import Outcome
 from raytracer.rendering.compilation import PreparedScene
@@ -37,9 +39,10 @@ class PictureSource:
         self.prepared, self.session = prepared, session
         self.below: NDArray[np.float64] | None = None
         self.rendered: Rendered | None = None
-        # A preview's pixels are too few for views.
+        # A preview's pixels are too few for views, and views with poses of their own have no plane of focus.
         layout = light_field_layout(prepared.packed.spec) if step == 1 else None
-        self.has_views = layout is not None and layout.views.rows * layout.views.columns > 1
+        views = None if layout is None else layout.views
+        self.has_views = isinstance(views, Views) and views.rows * views.columns > 1
 
     @property
     def samples(self) -> float:
@@ -93,7 +96,9 @@ class PictureSource:
         if name == RADIANCE:
             return _as_frame(image.radiance)
         if name == REFOCUSED:
-            return _as_frame(refocus(extract_light_field(image), distance).radiance)
+            field = extract_light_field(image)
+            assert isinstance(field, LightField)
+            return _as_frame(refocus(field, distance).radiance)
         if name == ERROR:
             return _as_frame(_standard_error(image))
         return _as_frame(image.layers[name])

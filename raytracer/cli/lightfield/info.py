@@ -8,10 +8,12 @@ from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import print_json
-from raytracer.cli.lightfield.base import File, open_light_field
+from raytracer.cli.lightfield.base import File
 
 if TYPE_CHECKING:
     from raytracer.film.light_field.field import LightField
+    from raytracer.film.light_field.posed_field import PosedLightField
+    from raytracer.film.light_field.posed_views import PosedViews
 
 EXAMPLE = """\b
 Examples:
@@ -27,19 +29,23 @@ def info(
     as_json: options.AsJson = False,
 ) -> None:
     """Show what a light field holds: views, their places and pixels, and where it can be focused."""
-    with open_light_field(file) as field:
+    from raytracer.film.light_field import lf
+
+    is_posed = lf.is_posed(file)
+    with lf.open_posed(file) if is_posed else lf.open(file) as field:
         if check:
             _read_all(field)
-        numbers = {**_numbers(field), "file_bytes": Path(file).stat().st_size}
+        numbers = {**_common_numbers(field), "file_bytes": Path(file).stat().st_size}
+        numbers |= _posed_numbers(field.views) if isinstance(field, lf.OpenPosedField) else _numbers(field)
     if as_json:
         print_json(numbers)
     else:
-        print(_format(numbers), end="")
+        print(_format(numbers, _posed_lines(numbers) if is_posed else _planar_lines(numbers)), end="")
         if check:
             print("all of it was read, and is whole")
 
 
-def _read_all(field: "LightField") -> None:
+def _read_all(field: "LightField | PosedLightField") -> None:
     import numpy as np
 
     samples = () if field.samples is None else (field.samples.value,)
@@ -50,8 +56,47 @@ def _read_all(field: "LightField") -> None:
         part[:]
 
 
+def _common_numbers(field: "LightField | PosedLightField") -> dict[str, Any]:
+    """Return those of the numbers that `--json` prints which all light fields have."""
+    views = field.views
+    return {
+        "rows": views.rows,
+        "columns": views.columns,
+        "width": views.width,
+        "height": views.height,
+        "units": str(field.settings.get("units", "metres")),
+        "dtype": str(field.radiance.dtype),
+        "bytes": math.prod(field.radiance.shape) * field.radiance.dtype.itemsize,
+        "layers": {
+            name: {"shape": list(layer.shape), "dtype": str(layer.dtype)} for name, layer in field.layers.items()
+        },
+        "settings": {
+            key: _number(value) if isinstance(value, float) else value for key, value in field.settings.items()
+        },
+    }
+
+
+def _posed_numbers(views: "PosedViews") -> dict[str, Any]:
+    """Return the numbers of views with poses of their own."""
+    import numpy as np
+
+    places = views.pose[..., 0, :].reshape(-1, 3)
+    middle = views.focus_point()
+    away = None if middle is None else np.linalg.norm(places - middle, axis=1)
+    pixel = float(np.median(views.plane[..., 0]))
+    return {
+        "poses": views.rows * views.columns,
+        "pixel": pixel,
+        "field_of_view_deg": [2.0 * math.degrees(math.atan(0.5 * n * pixel)) for n in (views.width, views.height)],
+        "low": places.min(axis=0).tolist(),
+        "high": places.max(axis=0).tolist(),
+        "focus_point": None if middle is None else middle.tolist(),
+        "distance": None if away is None else [float(away.min()), float(away.max())],
+    }
+
+
 def _numbers(field: "LightField") -> dict[str, Any]:
-    """Return the numbers that `--json` prints: None for what is not known, "inf" for infinity."""
+    """Return the numbers of views in one plane: None for what is not known, "inf" for infinity."""
     import numpy as np
 
     from raytracer.film.light_field.focusing import refocusable, view_spacing
@@ -64,12 +109,7 @@ def _numbers(field: "LightField") -> dict[str, Any]:
     pixel = views.plane.pixel
     field_of_view = [2.0 * math.degrees(math.atan(0.5 * n * pixel)) for n in (views.width, views.height)]
     return {
-        "rows": views.rows,
-        "columns": views.columns,
         "lit_views": int(lit_views(field).sum()),
-        "width": views.width,
-        "height": views.height,
-        "units": str(field.settings.get("units", "metres")),
         "spacing": [step.right, step.up],
         "extent": size,
         "focus_distance": _number(views.focus_distance),
@@ -81,16 +121,8 @@ def _numbers(field: "LightField") -> dict[str, Any]:
         "focal_length_mm": views.focal_length,
         "cell": None if views.cell is None else list(views.cell),
         "pose": None if views.pose is None else views.pose._asdict(),
-        "dtype": str(field.radiance.dtype),
-        "bytes": math.prod(field.radiance.shape) * field.radiance.dtype.itemsize,
-        "layers": {
-            name: {"shape": list(layer.shape), "dtype": str(layer.dtype)} for name, layer in field.layers.items()
-        },
         "microlenses": 0 if field.samples is None else len(field.samples.place),
         "rays": 0 if field.rays is None else len(field.rays.weight),
-        "settings": {
-            key: _number(value) if isinstance(value, float) else value for key, value in field.settings.items()
-        },
     }
 
 
@@ -98,16 +130,31 @@ def _number(value: float) -> float | str:
     return value if math.isfinite(value) else str(value)
 
 
-def _format(info: dict[str, Any]) -> str:
+def _format(info: dict[str, Any], geometry: dict[str, str]) -> str:
+    """Format the lines that all light fields have, and between them those of the geometry."""
     from raytracer.util.errors import one_line
 
-    is_metric = info["units"] == "metres"
-    unlit = info["rows"] * info["columns"] - info["lit_views"]
+    unlit = info["rows"] * info["columns"] - info.get("lit_views", info["rows"] * info["columns"])
     lines = {
         "views": f"{info['columns']} x {info['rows']}, each {info['width']} x {info['height']} pixels"
         + (f"; {info['lit_views']} of them got light" if unlit else ""),
         "radiance": f"{info['dtype']}, {info['bytes'] / 1e6:.4g} MB, in a file of {info['file_bytes'] / 1e6:.4g} MB",
+        **geometry,
     }
+    if info["layers"]:
+        lines["layers"] = ", ".join(info["layers"])
+    if info.get("microlenses"):
+        lines["microlenses"] = f"{info['microlenses']}, between which the views' pixels were interpolated"
+    if info.get("rays"):
+        lines["rays"] = f"{info['rays']}, kept as they were rendered"
+    lines |= {f"  {one_line(key)}": str(value) for key, value in info["settings"].items()}
+    width = max(map(len, lines))
+    return "".join(f"{key:<{width}}  {one_line(text)}\n" for key, text in lines.items())
+
+
+def _planar_lines(info: dict[str, Any]) -> dict[str, str]:
+    """Describe the geometry of views in one plane."""
+    is_metric, lines = info["units"] == "metres", {}
     if is_metric:
         is_one = info["rows"] * info["columns"] == 1
         across, down = info["spacing"]
@@ -131,15 +178,22 @@ def _format(info: dict[str, Any]) -> str:
         lines["aperture"] = _length(info["aperture"]) if is_metric else f"{info['aperture']:.4g} steps of one view"
     if info["focal_length_mm"] is not None:
         lines["focal length"] = f"{info['focal_length_mm']:.6g} mm"
-    if info["layers"]:
-        lines["layers"] = ", ".join(info["layers"])
-    if info["microlenses"]:
-        lines["microlenses"] = f"{info['microlenses']}, between which the views' pixels were interpolated"
-    if info["rays"]:
-        lines["rays"] = f"{info['rays']}, kept as they were rendered"
-    lines |= {f"  {one_line(key)}": str(value) for key, value in info["settings"].items()}
-    width = max(map(len, lines))
-    return "".join(f"{key:<{width}}  {one_line(text)}\n" for key, text in lines.items())
+    return lines
+
+
+def _posed_lines(info: dict[str, Any]) -> dict[str, str]:
+    """Describe the geometry of views with poses of their own."""
+    unit = " m" if info["units"] == "metres" else ", in a unit that is not known"
+    low, high = (", ".join(f"{number:.4g}" for number in info[key]) for key in ("low", "high"))
+    lines = {
+        "poses": f"{info['poses']}, of its own for each view; from {low} to {high}{unit}",
+        "field of view": "{:.4g} x {:.4g} deg".format(*info["field_of_view_deg"]),
+    }
+    if info["focus_point"] is None:
+        return lines | {"all look at": "no point: they look in parallel"}
+    point = ", ".join(f"{number:.4g}" for number in info["focus_point"])
+    near, far = info["distance"]
+    return lines | {"all look at": f"{point}{unit}, or away from it, {near:.4g} to {far:.4g} off"}
 
 
 def _length(metres: float) -> str:

@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.light_field.views import Views
+
+if TYPE_CHECKING:
+    from raytracer.film.light_field.posed_views import PosedViews
 
 LIT_LAYER = "lit"
 """The layer of pixels that received light: 1; and 0 where nothing is known, whatever their radiance is."""
@@ -43,8 +46,50 @@ class Rays(NamedTuple):
     weight: NDArray[np.float64]
 
 
+class FieldArrays:
+    """What light fields have in common, whether their views stand in one plane or have poses of their own."""
+
+    radiance: Any
+    views: "Views | PosedViews"
+    layers: Mapping[str, Any]
+    settings: Mapping[str, str | float | int]
+
+    def __repr__(self) -> str:
+        """Describe the sizes only: arrays are large."""
+        views = self.views
+        size = f"{views.columns} x {views.rows} views of {views.width} x {views.height}"
+        return f"<rt.lightfield.{type(self).__name__.removeprefix('Open')}: {size}>"
+
+    @property
+    def is_metric(self) -> bool:
+        """Return True if lengths are metres; they are not if the camera's geometry is unknown: `settings["units"]`."""
+        return self.settings.get("units", "metres") == "metres"
+
+    def view(self, row: int, column: int) -> NDArray[np.float64]:
+        """Read the radiance of a view, float64 (height, width, 3)."""
+        return np.asarray(self.radiance[row, column], dtype=np.float64)
+
+    def lit(self, row: int, column: int) -> NDArray[np.bool_] | None:
+        """Read which pixels of a view received light, bool (height, width); None for all, or if not known."""
+        layer = self.layers.get(LIT_LAYER)
+        return None if layer is None else np.asarray(np.asarray(layer[row, column]) > 0)
+
+
+def check_arrays(field: FieldArrays) -> None:
+    """Raise a ValueError if radiance and layers are not of the views' size."""
+    views = field.views
+    size = (views.rows, views.columns, views.height, views.width)
+    if tuple(np.shape(field.radiance)) != (*size, 3):
+        raise ValueError(f"radiance must have the shape {(*size, 3)}, got {tuple(np.shape(field.radiance))}")
+    for name, layer in field.layers.items():
+        if tuple(np.shape(layer))[:4] != size:
+            raise ValueError(f"layer {name} must be of the views' size, {size}, got {tuple(np.shape(layer))[:4]}")
+    if LIT_LAYER in field.layers and len(np.shape(field.layers[LIT_LAYER])) != len(size):
+        raise ValueError(f"layer {LIT_LAYER} must have one number a pixel")
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class LightField:
+class LightField(FieldArrays):
     """A light field: the radiance of all views, in linear light.
 
     Attributes
@@ -71,39 +116,12 @@ class LightField:
     samples: Samples | None = None
 
     def __post_init__(self) -> None:
-        views = self.views
-        size = (views.rows, views.columns, views.height, views.width)
-        if tuple(np.shape(self.radiance)) != (*size, 3):
-            raise ValueError(f"radiance must have the shape {(*size, 3)}, got {tuple(np.shape(self.radiance))}")
-        for name, layer in self.layers.items():
-            if tuple(np.shape(layer))[:4] != size:
-                raise ValueError(f"layer {name} must be of the views' size, {size}, got {tuple(np.shape(layer))[:4]}")
-        if LIT_LAYER in self.layers and len(np.shape(self.layers[LIT_LAYER])) != len(size):
-            raise ValueError(f"layer {LIT_LAYER} must have one number a pixel")
+        check_arrays(self)
         if self.samples is not None:
+            views = (self.views.rows, self.views.columns)
             place, value = np.shape(self.samples.place), tuple(np.shape(self.samples.value))
-            if place[1:] != (2,) or value != (*size[:2], place[0], 3):
-                raise ValueError(f"samples must be of shapes (n, 2) and {(*size[:2], 'n', 3)}, got {place} and {value}")
-
-    def __repr__(self) -> str:
-        """Describe the sizes only: arrays are large."""
-        views = self.views
-        size = f"{views.columns} x {views.rows} views of {views.width} x {views.height}"
-        return f"<rt.lightfield.LightField: {size}>"
-
-    @property
-    def is_metric(self) -> bool:
-        """Return True if lengths are metres; they are not if the camera's geometry is unknown: `settings["units"]`."""
-        return self.settings.get("units", "metres") == "metres"
-
-    def view(self, row: int, column: int) -> NDArray[np.float64]:
-        """Read the radiance of a view, float64 (height, width, 3)."""
-        return np.asarray(self.radiance[row, column], dtype=np.float64)
-
-    def lit(self, row: int, column: int) -> NDArray[np.bool_] | None:
-        """Read which pixels of a view received light, bool (height, width); None for all, or if not known."""
-        layer = self.layers.get(LIT_LAYER)
-        return None if layer is None else np.asarray(np.asarray(layer[row, column]) > 0)
+            if place[1:] != (2,) or value != (*views, place[0], 3):
+                raise ValueError(f"samples must be of shapes (n, 2) and {(*views, 'n', 3)}, got {place} and {value}")
 
 
 RAYS_LAYER = "rays"

@@ -99,6 +99,14 @@ class Views:
         """Distance (m) of the plane in which all views see the same; inf if they are parallel."""
         return math.inf if self.inverse_focus == 0.0 else 1.0 / self.inverse_focus
 
+    def farthest(self, eye: NDArray[np.float64]) -> float:
+        """Compute the distance (m) of the view that is farthest from a point; from the middle if no pose is known."""
+        middle = np.zeros(3)
+        right_up = np.eye(3)[:2]
+        if self.pose is not None:
+            middle, right_up = np.subtract(self.pose.origin, eye), np.array([self.pose.right, self.pose.up])
+        return float(np.linalg.norm(middle + self.position @ right_up, axis=-1).max())
+
     def shift(self, inverse_distance: float) -> NDArray[np.float64]:
         """Compute the disparity of a distance in all views against the middle: (rows, columns, 2) px right and down."""
         moved = self.position * ((self.inverse_focus - inverse_distance) / self.plane.pixel)

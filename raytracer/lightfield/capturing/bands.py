@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.film.light_field.layout import Layout, Mosaic
+from raytracer.film.light_field.layout import Layout, ViewLayout
+from raytracer.film.light_field.posed_views import PosedViews
 from raytracer.film.light_field.views import Views
 from raytracer.film.white_balance import AUTO
 from raytracer.film.window import Window
@@ -32,17 +33,17 @@ class ViewBand(NamedTuple):
     column: int
     column_end: int
 
-    def window(self, views: Views) -> Window:
+    def window(self, views: Views | PosedViews) -> Window:
         """Return the window of the picture that these views cover."""
         width, height = views.width, views.height
         return Window(self.column * width, self.row * height, self.column_end * width, self.row_end * height)
 
-    def layout(self, views: Views) -> Mosaic:
+    def layout(self, whole: ViewLayout) -> ViewLayout:
         """Return the layout of this band's picture."""
-        return Mosaic(replace(views, position=views.position[self.row : self.row_end, self.column : self.column_end]))
+        return whole.part(slice(self.row, self.row_end), slice(self.column, self.column_end))
 
 
-def split_into_bands(views: Views, most: int) -> list[ViewBand]:
+def split_into_bands(views: Views | PosedViews, most: int) -> list[ViewBand]:
     """Split all views into bands of at most `most`, 1 or more: of about equal numbers of rows, or parts of a row."""
     rows, columns = views.rows, views.columns
     if most >= columns:

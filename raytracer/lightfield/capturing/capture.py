@@ -7,13 +7,14 @@ of all views.
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from raytracer.film.image_file import check_writable
 from raytracer.film.light_field import lf
-from raytracer.film.light_field.layout import NO_LIGHT_FIELD_MESSAGE, Layout
+from raytracer.film.light_field.layout import NO_LIGHT_FIELD_MESSAGE, Layout, ViewLayout
+from raytracer.film.light_field.posed_views import PosedViews
 from raytracer.film.light_field.views import Views
 from raytracer.film.window import Window
 from raytracer.kernel.aovs.base.interface import per_sample_aovs, unique_aovs
@@ -52,7 +53,7 @@ class Captured(NamedTuple):
     band_bytes : most bytes of a band, besides the scene.
     """
 
-    views: Views
+    views: Views | PosedViews
     stats: Stats
     bands: int
     band_bytes: int
@@ -141,7 +142,8 @@ def capture(options: CaptureOptions) -> Captured:
             window = band.window(views)
             rendered = renderer.render(window)
             begin = now()
-            field = band.layout(views).light_field(rendered.image)
+            # Only a picture in which each view has a part to itself is rendered in bands.
+            field = band.layout(cast("ViewLayout", layout)).light_field(rendered.image)
             for r, c in np.ndindex(field.views.rows, field.views.columns):
                 layers = {name: layer[r, c] for name, layer in field.layers.items()}
                 writer.put_view(band.row + r, band.column + c, field.radiance[r, c], layers)

@@ -117,7 +117,7 @@ def _projection(spec: SceneSpec, in_perspective: bool, has_glass: bool) -> Effec
 def _light_field(spec: SceneSpec) -> Effect:
     """Tell if the picture holds more than one view."""
     layout = spec.camera.layout(spec.film.width, spec.film.height)
-    if layout is None or layout.views.position.size == 2:
+    if layout is None or layout.views.rows * layout.views.columns == 1:
         return Effect(False, f"the {spec.camera.type} camera sees from one place, or does not tell places apart")
     views = layout.views
     size = f"{views.width} x {views.height}"

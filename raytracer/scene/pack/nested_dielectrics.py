@@ -142,10 +142,11 @@ class PrioritySolids:
         if any(number >= 0 and where.moves(number) for number in holding):
             return True
         time = seen_by.shutter_interval().open
-        eye = np.array(camera_at_time(seen_by, time).look_from)
+        camera_then = camera_at_time(seen_by, time)
+        eye = np.array(camera_then.look_from)
         # The farthest view of a camera with many.
-        layout = seen_by.layout(self._spec.film.width, self._spec.film.height)
-        spread = 0.0 if layout is None else float(np.linalg.norm(layout.views.position, axis=-1).max())
+        layout = camera_then.layout(self._spec.film.width, self._spec.film.height)
+        spread = 0.0 if layout is None else layout.views.farthest(eye)
         reach = parts.ray_radius + spread
         for number in holding - {-1}:
             corners = where.corners(number, time)

@@ -291,7 +291,7 @@ ELSEWHERE = [("/etc/passwd", 0, 21600)]
 
 WRONG = {
     "another HDF5 file": (without("format"), "is an HDF5 file, but no light field"),
-    "a newer version": (attribute("version", 7), "is of version 7 of the format; this program reads version 1"),
+    "a newer version": (attribute("version", 7), "is of version 7 of the format; this program reads versions 1 and 2"),
     "no version": (without("version"), "has no attribute version"),
     "no radiance": (without("radiance"), "has no dataset radiance"),
     "another format": (attribute("format", np.bytes_("netcdf")), "no light field"),

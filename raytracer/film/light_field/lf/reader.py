@@ -1,9 +1,10 @@
 """Reading `.lf` files: geometry at once, arrays as they are asked for."""
 
 import stat
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -15,7 +16,10 @@ from raytracer.film.light_field.lf.stored_array import (
     MICROLENSES,
     NUMBERS,
     OPTIONAL_NUMBERS,
+    POSED_VERSION,
+    RADIANCE,
     VERSION,
+    StoredArray,
     checked_array,
     checked_name,
     find_object,
@@ -29,13 +33,12 @@ from raytracer.film.light_field.views import Plane, Pose, Views
 from raytracer.util.errors import InputError
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class OpenField(LightField):
-    """A light field in a file, open until `close`, the end of a `with` block, or its last reference is gone."""
+class OpenFile:
+    """A file that is open until `close`, the end of a `with` block, or its last reference is gone."""
 
-    file: Any = None
+    file: Any
 
-    def __enter__(self) -> "OpenField":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -46,18 +49,33 @@ class OpenField(LightField):
         self.file.close()
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class OpenField(OpenFile, LightField):
+    """A light field in a file, whose views stand in one plane."""
+
+    file: Any = None
+
+
+Opened = TypeVar("Opened")
+
+
 def open(path: str | Path) -> OpenField:  # noqa: A001
     """Open the light field in a file; its arrays are read when they are indexed, and are `StoredArray`.
 
     Raises
     ------
     InputError : the file is missing, truncated, damaged, another kind of file, of a newer version, or its geometry
-        makes no sense.
+        makes no sense; or its views have poses of their own, which `open_posed` reads.
     """
+    return read_file(path, read_light_field)
+
+
+def read_file(path: str | Path, read: Callable[[Any, Path], Opened]) -> Opened:
+    """Open a file of a light field, and read what stays open with it; see `open`."""
     path = Path(path)
     file = _open_hdf5(path)
     try:
-        return _read_light_field(file, path)
+        return read(file, path)
     except InputError:
         file.close()
         raise
@@ -93,20 +111,39 @@ def _open_hdf5(path: Path) -> Any:
         raise InputError(f"{path}: is {'truncated: its end is missing' if is_short else 'damaged'}") from error
 
 
-def _read_light_field(file: Any, path: Path) -> OpenField:
-    """Read the geometry and the settings, and open the arrays."""
+def read_version(file: Any, path: Path) -> int:
+    """Read the version of a light field's file: `VERSION` or `POSED_VERSION`.
+
+    Raises InputError: it is no light field, or of another version.
+    """
     kind = read_string(file, "format", path)
     if kind != FORMAT:
         raise InputError(f"{path}: is an HDF5 file, but no light field: its attribute format is not {FORMAT!r}")
     version = read_number(file, "version", path)
-    if version != VERSION:
-        raise InputError(f"{path}: is of version {version:g} of the format; this program reads version {VERSION}")
+    if version not in (VERSION, POSED_VERSION):
+        known = f"{VERSION} and {POSED_VERSION}"
+        raise InputError(f"{path}: is of version {version:g} of the format; this program reads versions {known}")
+    return int(version)
 
+
+def read_radiance(file: Any, path: Path) -> StoredArray:
+    """Open the radiance of all views."""
+    radiance = checked_array(file, RADIANCE, path, axes=5)
+    if radiance.shape[4] != 3:
+        raise InputError(f"{path}: radiance must have 3 channels (red, green, blue), not {radiance.shape[4]}")
+    return radiance
+
+
+def read_light_field(file: Any, path: Path) -> OpenField:
+    """Read the geometry and the settings, and open the arrays, of views in one plane."""
+    if read_version(file, path) == POSED_VERSION:
+        raise InputError(
+            f"{path}: its views have poses of their own, and this needs views in one plane: of this file rt lightfield "
+            "views and move draw pictures, from any place"
+        )
     # Shapes first: everything else has to go with them.
-    radiance = checked_array(file, "radiance", path, axes=5)
-    rows, columns, height, width, channels = radiance.shape
-    if channels != 3:
-        raise InputError(f"{path}: radiance must have 3 channels (red, green, blue), not {channels}")
+    radiance = read_radiance(file, path)
+    rows, columns, height, width, _ = radiance.shape
     position = checked_array(file, "position", path, axes=3)
     if position.shape != (rows, columns, 2):
         raise InputError(f"{path}: position must be of shape {(rows, columns, 2)} as radiance is, not {position.shape}")
@@ -130,15 +167,20 @@ def _read_light_field(file: Any, path: Path) -> OpenField:
         )
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
+    layers, rays = read_layers(file, path, radiance), _read_rays(file, path)
+    samples = _read_samples(file, path, (rows, columns))
+    return OpenField(radiance, views, layers, rays, read_settings(file, path), samples, file)
 
+
+def read_layers(file: Any, path: Path, radiance: StoredArray) -> dict[str, StoredArray]:
+    """Open the layers of all views."""
     size, layers = radiance.shape[:4], {}
     for name in list_members(file, "layers", path):
         layer = checked_array(file, f"layers/{name}", path, axes=None, kinds="fiub")
         if layer.shape[:4] != size or layer.ndim > len(AXES):
             raise InputError(f"{path}: layer {name} must be of shape {size} as radiance is, not {layer.shape}")
         layers[name] = layer
-    samples = _read_samples(file, path, (rows, columns))
-    return OpenField(radiance, views, layers, _read_rays(file, path), _read_settings(file, path), samples, file)
+    return layers
 
 
 def _read_samples(file: Any, path: Path, size: tuple[int, int]) -> Samples | None:
@@ -172,7 +214,7 @@ def _read_rays(file: Any, path: Path) -> Rays | None:
     return Rays(place, value, weight)  # type: ignore[arg-type]
 
 
-def _read_settings(file: Any, path: Path) -> dict[str, str | float | int]:
+def read_settings(file: Any, path: Path) -> dict[str, str | float | int]:
     """Read the settings."""
     group = find_object(file, "settings", path)
     if group is None:

@@ -18,6 +18,8 @@ from raytracer.util.errors import InputError, abbreviate, one_line
 SUFFIX = ".lf"
 FORMAT = "rt light field"
 VERSION = 1
+POSED_VERSION = 2
+"""Version of files whose views have poses of their own: programs that know views in one plane alone refuse them."""
 
 TYPES = ("float16", "float32", "float64")
 """Types of the numbers in a file."""

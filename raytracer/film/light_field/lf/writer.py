@@ -14,12 +14,15 @@ from raytracer.film.light_field.lf.stored_array import (
     FORMAT,
     MICROLENSES,
     OPTIONAL_NUMBERS,
+    POSED_VERSION,
     RADIANCE,
     RAYS_PER_TILE,
     TYPES,
     UNITS,
     VERSION,
 )
+from raytracer.film.light_field.posed_field import PosedLightField
+from raytracer.film.light_field.posed_views import PosedViews
 from raytracer.film.light_field.views import Views
 from raytracer.util.atomic_write import atomic_write, wrap_os_errors
 from raytracer.util.progress import Update, report_progress
@@ -88,7 +91,7 @@ class Writer:
     def __init__(
         self,
         path: str | Path,
-        views: Views,
+        views: Views | PosedViews,
         *,
         dtype: str = "float32",
         compress: bool = False,
@@ -203,10 +206,23 @@ class Writer:
         from raytracer import __version__
 
         file, views = self._file, self.views
-        plane = views.plane
-        file.attrs["version"] = VERSION
+        is_posed = isinstance(views, PosedViews)
+        file.attrs["version"] = POSED_VERSION if is_posed else VERSION
         _write_string(file, "format", FORMAT)
         _write_string(file, "creator", f"rt {__version__}")
+        if isinstance(views, PosedViews):
+            self._write_array("pose", views.pose, ("v", "u", "vector", "axis"), UNITS["pose"])
+            self._write_array("plane", views.plane, ("v", "u", "number"), "tangent")
+        else:
+            self._write_plane_of_views(views)
+        self._radiance = self._create_array(RADIANCE, np.empty((0, 0, 3)))
+        _write_string(self._radiance, "primaries", "Rec. 709")
+        if self._microlenses is not None:
+            self._describe_microlenses(self._microlenses)
+
+    def _write_plane_of_views(self, views: Views) -> None:
+        """Write the geometry of views in one plane."""
+        file, plane = self._file, views.plane
         numbers = {**plane._asdict(), "inverse_focus": views.inverse_focus, "focus_distance": views.focus_distance}
         numbers |= {name: value for name in OPTIONAL_NUMBERS if (value := getattr(views, name)) is not None}
         for name, number in numbers.items():
@@ -216,12 +232,7 @@ class Writer:
                 file.attrs[name] = np.array(tuples, dtype="<f8")
         for name, unit in UNITS.items():
             _write_string(file, f"{name}_unit", unit)
-
-        position = np.asarray(views.position, dtype="<f8")
-        dataset = self._create_dataset("position", position.shape, position.dtype, position.shape)
-        dataset[...] = position
-        _label(dataset, ("v", "u", "axis"))
-        _write_string(dataset, "unit", "m")
+        self._write_array("position", views.position, ("v", "u", "axis"), "m")
 
         # Scales of the axes for other programs; places of views are in `position`, since they need not be on a grid.
         across, down = np.arange(views.width) + 0.5, np.arange(views.height) + 0.5
@@ -230,10 +241,13 @@ class Writer:
             file[axis] = scale.astype("<f8")
             file[axis].make_scale(axis)
             _write_string(file[axis], "unit", "tangent")
-        self._radiance = self._create_array(RADIANCE, np.empty((0, 0, 3)))
-        _write_string(self._radiance, "primaries", "Rec. 709")
-        if self._microlenses is not None:
-            self._describe_microlenses(self._microlenses)
+
+    def _write_array(self, name: str, numbers: NDArray[np.float64], labels: tuple[str, ...], unit: str) -> None:
+        """Write numbers of the geometry in one tile."""
+        dataset = self._create_dataset(name, numbers.shape, np.dtype("<f8"), numbers.shape)
+        dataset[...] = numbers
+        _label(dataset, labels)
+        _write_string(dataset, "unit", unit)
 
     def _describe_microlenses(self, places: NDArray[np.float64]) -> None:
         """Write the places of the microlenses, and create the dataset of their samples."""
@@ -258,8 +272,10 @@ class Writer:
         size = (views.rows, views.columns, views.height, views.width, *channels)
         dataset = self._create_dataset(name, size, dtype, tile)
         _label(dataset, AXES[: len(size)])
-        dataset.dims[2].attach_scale(self._file["t"])
-        dataset.dims[3].attach_scale(self._file["s"])
+        # Views with poses of their own have image planes of their own too.
+        if "t" in self._file:
+            dataset.dims[2].attach_scale(self._file["t"])
+            dataset.dims[3].attach_scale(self._file["s"])
         return dataset
 
     def _create_dataset(self, name: str, shape: tuple[int, ...], dtype: np.dtype[Any], tile: tuple[int, ...]) -> Any:
@@ -301,7 +317,12 @@ def _write_string(owner: Any, name: str, text: str) -> None:
 
 
 def write(
-    path: str | Path, field: LightField, *, dtype: str = "float32", compress: bool = False, update: Update | None = None
+    path: str | Path,
+    field: LightField | PosedLightField,
+    *,
+    dtype: str = "float32",
+    compress: bool = False,
+    update: Update | None = None,
 ) -> None:
     """Write a light field as an `.lf` file.
 
