@@ -4,10 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from raytracer.film.light_field.field import LightField
-from raytracer.lightfield.formats.base.light_field_format import Exported, ExportOptions, LightFieldFormat
+from raytracer.film.light_field.posed_field import PosedLightField
+from raytracer.lightfield.formats.base.light_field_format import AnyField, Exported, ExportOptions, LightFieldFormat
 from raytracer.lightfield.formats.folders import NAMINGS, Naming
 from raytracer.lightfield.formats.registry import light_field_formats
+from raytracer.util.atomic_write import check_file
 from raytracer.util.errors import InputError
 from raytracer.util.progress import Update
 
@@ -24,7 +25,7 @@ def choose_format(path: Path, layout: str | None) -> LightFieldFormat:
 
 
 def check_export(
-    field: LightField, path: str | Path, layout: str | None = None, options: ExportOptions | None = None
+    field: AnyField, path: str | Path, layout: str | None = None, options: ExportOptions | None = None
 ) -> LightFieldFormat:
     """Check, before anything is written, that a light field can be exported, and return the format.
 
@@ -33,13 +34,22 @@ def check_export(
     path = Path(path)
     options = options or ExportOptions()
     chosen = choose_format(path, layout)
+    folder = chosen.folder(path)
+    if folder is not None and folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, not a folder")
+    check_file(path if folder is None else folder / "view")
     chosen.check_options(path, options)
+    if isinstance(field, PosedLightField) and not chosen.takes_posed:
+        known = [each.name for each in light_field_formats().values() if each.takes_posed]
+        raise InputError(
+            f"{path}: views have poses of their own, which {chosen.name} cannot tell: export as {', '.join(known)}"
+        )
     chosen.check(field, path, options)
     return chosen
 
 
 def export(
-    field: LightField, path: str | Path, *, layout: str | None = None, update: Update | None = None, **options: Any
+    field: AnyField, path: str | Path, *, layout: str | None = None, update: Update | None = None, **options: Any
 ) -> Exported:
     """Export a light field to a format of another program.
 
@@ -61,7 +71,7 @@ def export(
 
 
 def export_views(
-    field: LightField,
+    field: AnyField,
     folder: str | Path,
     *,
     naming: Naming = "grid",
@@ -88,7 +98,7 @@ def export_views(
     return export(field, folder, layout=naming, suffix=suffix, bits=bits, update=update)
 
 
-def export_array(field: LightField, path: str | Path) -> list[Path]:
+def export_array(field: AnyField, path: str | Path) -> list[Path]:
     """Write the radiance as one array, .npy, view by view, and its geometry beside it.
 
     Raises

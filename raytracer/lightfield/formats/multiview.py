@@ -1,8 +1,8 @@
 """OpenEXR files of several views, .exr: a part for each view, or the views as layers of one part.
 
 An export writes a part for each view with the attribute `view`, channels R, G and B, and the layers as channels of
-their names; the attribute `rt.lightfield` of the first part holds the geometry.  An import also takes the files of other
-programs: stereo pictures, and any number of views; they make one row, `left` first and `right` last.
+their names; the attribute `rt.lightfield` of the first part holds the geometry.  An import also takes the files of
+other programs: stereo pictures, and any number of views; they make one row, `left` first and `right` last.
 
 References: Academy Software Foundation, "Storing Multi-View Images in OpenEXR Files", and "OpenEXR File Layout".
 """

@@ -21,6 +21,7 @@ from raytracer.lightfield.formats import folders, geometry, hci
 from raytracer.lightfield.formats.base.import_geometry import find_geometry
 from raytracer.lightfield.formats.base.lazy_views import LazyPictures, PartialLayer
 from raytracer.lightfield.formats.base.light_field_format import (
+    AnyField,
     Exported,
     ExportOptions,
     ImportOptions,
@@ -159,7 +160,7 @@ def write_folder(
 
 
 def write_views(
-    field: LightField, folder: Path, names: list[list[str]], options: ExportOptions, update: Update | None
+    field: AnyField, folder: Path, names: list[list[str]], options: ExportOptions, update: Update | None
 ) -> tuple[list[Path], float]:
     """Write the views into files of these names: all files, and the share of values that their format clips."""
     views = field.views
@@ -224,6 +225,7 @@ def _make_format(naming: Naming, order: int, summary: str) -> LightFieldFormat:
         check=partial(check_folder_export, naming),
         write=partial(write_folder, naming),
         takes=frozenset({"suffix", "bits"}),
+        folder=lambda path: path,
         order=order,
     )
 

@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.lightfield.formats.geometry import ViewOptics
 from raytracer.util.errors import InputError
 from raytracer.util.path_sandbox import AllowFiles
@@ -13,6 +14,10 @@ from raytracer.util.progress import Update
 
 MEMORY = 2 * 10**9
 """Bytes of pixels that are held at a time, where a format can be written in parts."""
+
+
+AnyField: TypeAlias = LightField | PosedLightField
+"""A light field of views in one plane, or of views with poses of their own."""
 
 
 class Exported(NamedTuple):
@@ -99,18 +104,23 @@ class LightFieldFormat:
     check : raises an InputError, before anything is written, if a light field or the options are not for this format.
     write : writes a light field.
     takes : names of the options of exports that it has.
+    takes_posed : True if views may have poses of their own; otherwise `check` and `write` are given no others than
+        views in one plane.
+    folder : returns the folder that an output is written into; None if it is one file.
     order : place among the formats, ascending.
     """
 
     name: str
     summary: str
     is_input: Callable[[Path, ImportOptions], bool]
-    read: Callable[[Path, ImportOptions], Any]
+    read: Callable[[Path, ImportOptions], AnyField]
     is_output: Callable[[Path], bool]
-    check: Callable[[LightField, Path, ExportOptions], None]
-    write: Callable[[LightField, Path, ExportOptions, Update | None], Exported]
+    check: Callable[[Any, Path, ExportOptions], None]
+    write: Callable[[Any, Path, ExportOptions, Update | None], Exported]
     takes: frozenset[str]
     order: int
+    takes_posed: bool = False
+    folder: Callable[[Path], Path | None] = lambda path: None
 
     def check_options(self, path: Path, options: ExportOptions) -> None:
         """Raise an InputError for an option that the format does not have."""
