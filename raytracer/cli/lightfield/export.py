@@ -143,14 +143,15 @@ def _open(file: str) -> "AbstractContextManager[AnyField]":
 
 def _report(result: "Exported", output: Path, *, quiet: bool) -> None:
     """Say on stderr what was written, and what is not as in the light field."""
-    if len(result.files) <= 2:
-        report_written(*result.files, quiet=quiet)
-    elif not quiet:
-        print(f"wrote {len(result.files)} files to {output}", file=sys.stderr)
     if quiet:
         return
+    if output.is_dir():
+        print(f"wrote {len(result.files)} files to {output}", file=sys.stderr)
+    else:
+        report_written(*result.files, quiet=quiet)
     if result.clipped > 0.0:
         share = f"{100.0 * result.clipped:.2g} % of the values are brighter than 1"
-        print(f"note: {share} and were clipped: .exr keeps them", file=sys.stderr)
+        how = "--format exr" if output.is_dir() else ".exr"
+        print(f"note: {share} and were clipped: {how} keeps them", file=sys.stderr)
     for note in result.notes:
         print(f"note: {note}", file=sys.stderr)

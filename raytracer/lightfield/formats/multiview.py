@@ -193,6 +193,8 @@ def _decode_blocks(path: Path, views: Views, types: Mapping[str, "np.dtype[Any]"
     blocks = []
     for part in read_parts(path):
         rows = np.zeros(views.height, kind)
+        if part.header.height != views.height or part.header.width != views.width:
+            raise InputError(f"{path}: holds views of different sizes")
         for name in types:
             rows[f"channel {name}"] = part.planes[name]
         blocks.append(rows)

@@ -101,8 +101,9 @@ def _bands(
     if margin := height - plan.rows * tile_height:
         yield np.zeros((margin, width, 3))
     order = [(row, column) for row in reversed(range(plan.rows)) for column in range(plan.columns)]
-    band = np.zeros((tile_height, width, 3))
     for row, column in report_progress(order, update):
+        if column == 0:
+            band = np.zeros((tile_height, width, 3))
         number = row * plan.columns + column
         band[:, column * tile_width : (column + 1) * tile_width] = _tile(field, plan, number, depth)
         if column == plan.columns - 1:

@@ -188,16 +188,16 @@ def _with_lens(file: Path, planar: Any, given: Transforms) -> Any:
 
 def _find(file: Path, sandbox: PathSandbox, name: str) -> Path:
     """Find a file that a frame names, relative to the folder, and with or without its suffix."""
+    if not name.isprintable():
+        raise InputError(f"{file}: names a file by letters that cannot be printed: {ascii(name)[:80]}")
     if not sandbox.allows(name):
         raise InputError(f"{file}: {sandbox.refusal_message(name)}")
     path = file.parent / name
-    try:
-        if not path.suffix or not path.exists():
-            known = (path.with_name(path.name + suffix) for suffix in image_suffixes())
-            return next((each for each in known if each.exists()), path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file}: names a file that cannot be read: {name!r:.80}") from error
-    return path
+    with safe_open.name_read_errors(path):
+        if path.suffix and path.exists():
+            return path
+        known = (path.with_name(path.name + suffix) for suffix in image_suffixes())
+        return next((each for each in known if each.exists()), path)
 
 
 class LazyDepths(LazyArray):

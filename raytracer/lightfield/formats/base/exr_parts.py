@@ -86,6 +86,7 @@ def read_parts(path: Path) -> list[DecodedPart]:
     data = safe_open.read_regular(path)
     with wrap_decode_errors(SUFFIX), suppress_library_output():
         with OpenEXR.File(io.BytesIO(data), separate_channels=True, header_only=True) as file:
+            count = len(file.parts)
             check_parts([part.header for part in file.parts], len(data))
         with OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
             parts = [
@@ -95,6 +96,9 @@ def read_parts(path: Path) -> list[DecodedPart]:
                 )
                 for part in file.parts
             ]
+    # The library leaves out parts that are broken, and says so on the terminal only.
+    if len(parts) != count:
+        raise BrokenFileError(f"broken, or no {SUFFIX} image")
     for part in parts:
         shape = (part.header.height, part.header.width)
         if any(plane.shape != shape or plane.dtype.kind not in "fu" for plane in part.planes.values()):
