@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from raytracer.lightfield.decoding.microlens_grid import Grid, Optics, read_grid
     from raytracer.lightfield.depth.depth_map import Depth, depth_map
     from raytracer.lightfield.epipolar import epipolar_slice
-    from raytracer.lightfield.formats.exporter import export_array, export_views
+    from raytracer.lightfield.formats.exporter import export, export_array, export_views
     from raytracer.lightfield.formats.importer import import_views
     from raytracer.lightfield.refocusing.fourier import FourierRefocuser
     from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
@@ -50,7 +50,7 @@ _MODULES = {
     "raytracer.lightfield.decoding.microlens_grid": ("Grid", "Optics", "read_grid"),
     "raytracer.lightfield.depth.depth_map": ("Depth", "depth_map"),
     "raytracer.lightfield.epipolar": ("epipolar_slice",),
-    "raytracer.lightfield.formats.exporter": ("export_array", "export_views"),
+    "raytracer.lightfield.formats.exporter": ("export", "export_array", "export_views"),
     "raytracer.lightfield.formats.importer": ("import_views",),
     "raytracer.lightfield.refocusing.fourier": ("FourierRefocuser",),
     "raytracer.lightfield.refocusing.refocus": ("focal_stack", "refocus"),
@@ -87,6 +87,7 @@ __all__ = [
     "decode",
     "depth_map",
     "epipolar_slice",
+    "export",
     "export_array",
     "export_views",
     "find_grid",

@@ -12,7 +12,7 @@ import typer
 from raytracer.cli.base.app import application
 from raytracer.film.light_field.lf.stored_array import TYPES
 from raytracer.lightfield.depth import depth_map
-from raytracer.lightfield.formats import folders
+from raytracer.lightfield.formats.registry import light_field_formats
 from raytracer.lightfield.refocusing import refocus
 from raytracer.lightfield.views.camera_paths import PATHS
 
@@ -81,7 +81,8 @@ def test_words_are_found_without_what_is_slow(line, folder):
 VALUES = {
     "render --dtype": TYPES,
     "import --dtype": TYPES,
-    "export --naming": folders.NAMINGS,
+    "export --layout": light_field_formats(),
+    "import --layout": light_field_formats(),
     "move --path": PATHS,
     "depth --method": depth_map.METHODS,
     "refocus --method": refocus.METHODS,

@@ -25,6 +25,9 @@ Near = Annotated[str | None, takes("LENGTH", "Nothing is nearer: 80cm.  Default:
 Far = Annotated[str | None, takes("LENGTH", "Nothing is farther: 5, inf.  Default: searched for.")]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Say nothing.")]
 
+LAYOUTS = ("grid", "stanford", "hci", "array", "mosaic", "interleaved", "quilt", "transforms", "multiview")
+"""Names of the formats of other programs that there are."""
+
 
 def parse_view(option: str, text: str | None) -> tuple[int, int] | None:
     """Parse the row and the column of a view; None if the option is not given."""

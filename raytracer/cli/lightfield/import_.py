@@ -10,7 +10,7 @@ from raytracer.cli.base import options
 from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
-from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
+from raytracer.cli.lightfield.base import LAYOUTS, Quiet, check_outputs, parse_positive
 from raytracer.schema.units import Dimension
 from raytracer.util.errors import InputError
 
@@ -22,16 +22,30 @@ Examples:
   rt lightfield import views -o views.lf --rows 9 --columns 9
   rt lightfield import all.png -o all.lf --rows 9 --columns 9
   rt lightfield import lytro_eslf.png -o lytro.lf --rows 14 --columns 14 --interleaved
+  rt lightfield import letters_qs8x6a0.75.png -o row.lf       a quilt: one row of 48 views
+  rt lightfield import nerf/transforms_train.json -o nerf.lf  cameras anywhere
+  rt lightfield import stereo.exr -o stereo.lf --spacing 65mm --vfov 40 --focus-distance 2m
 
 \b
 Names that are known: out_ROW_COLUMN_Y_X_.png (Stanford), input_Cam032.png (HCI), and all that end in row and column,
-view_03_05.png, or in one number, by rows.  Also .npy of (rows, columns, height, width, 3).
+view_03_05.png, or in one number, by rows; NAME_qs8x6a0.75.png (Looking Glass); a folder with transforms.json (NeRF).
+Also .npy of (rows, columns, height, width, 3), and .exr with several views.
 """
 
 
 def import_(
-    path: Annotated[str, Argument(metavar="PATH", help="Folder of views, picture of all views, or .npy.")],
+    path: Annotated[
+        str, Argument(metavar="PATH", help="Folder of views, picture or file of all views, or transforms.json.")
+    ],
     output: Annotated[Path, options.output("FILE.lf", "File to write.")],
+    layout: Annotated[
+        str | None,
+        takes(
+            "NAME",
+            "Of the views: grid, array, mosaic, interleaved, quilt, transforms or multiview.  Default: found by name.",
+            autocompletion=complete_from(*LAYOUTS),
+        ),
+    ] = None,
     rows: Annotated[int | None, Option(help="Rows of views, where names do not say.", min=1, max=4096)] = None,
     columns: Annotated[int | None, Option(help="Views in a row.", min=1, max=4096)] = None,
     spacing: Annotated[
@@ -55,13 +69,18 @@ def import_(
             autocompletion=complete_from("float16", "float32", "float64"),
         ),
     ] = "float32",
+    allow_files: Annotated[
+        list[str] | None,
+        takes("FOLDER", "Where transforms.json may name files too, besides its own folder; may repeat."),
+    ] = None,
     compress: Annotated[bool, Option("--compress", help="Smaller, and slower to write and to read.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Take over a light field of another program: write it as an .lf file.
 
-    Metres need --spacing, --focus-distance, and --vfov or --focal-length with --sensor, unless a parameters.cfg or
-    geometry.json says them; without, places are in steps of one view, and distances in pixels from view to view.
+    Metres need --spacing, --focus-distance, and --vfov or --focal-length with --sensor, unless a parameters.cfg,
+    geometry.json or transforms.json says them; without, places are in steps of one view, and distances in pixels from
+    view to view.
     """
     check_outputs([output], (".lf",), "a light field")
     if flip not in ("", "x", "y", "xy", "yx"):
@@ -84,9 +103,21 @@ def import_(
     from raytracer.lightfield.formats.importer import import_views
     from raytracer.util.progress import Bar
 
+    if layout is not None and layout not in LAYOUTS:
+        raise InputError(f"--layout {layout}: must be {', '.join(LAYOUTS)}")
     if dtype not in lf.TYPES:
         raise InputError(f"--dtype {dtype}: must be {', '.join(lf.TYPES)}")
-    field = import_views(path, rows=rows, columns=columns, spacing=steps, flip=flip, interleaved=interleaved, **lengths)
+    field = import_views(
+        path,
+        layout=layout,
+        rows=rows,
+        columns=columns,
+        spacing=steps,
+        flip=flip,
+        interleaved=interleaved,
+        allow_files=allow_files or (),
+        **lengths,
+    )
     with Bar(" rows of views", quiet=quiet) as bar:
         lf.write(output, field, dtype=dtype, compress=compress, update=bar.update)
     report_written(output, quiet=quiet)

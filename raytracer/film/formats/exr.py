@@ -34,8 +34,8 @@ MAX_DECODED_BYTES = 2**32
 
 _PREFIX = "rt."
 
-# Red, green, blue and white of Rec. 709, as x and y each.
-_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+"""Red, green, blue and white of Rec. 709, as x and y each."""
 
 # 1024 x 1024, for a picture that is smaller; programs write 16 to 512 a side.
 _MAX_TILE_PIXELS = 2**20
@@ -48,7 +48,7 @@ def encode_exr(image: "Image", layers: Layers) -> bytes:
     import OpenEXR
 
     header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    header |= {"chromaticities": _CHROMATICITIES}
+    header |= {"chromaticities": CHROMATICITIES}
     header |= {_PREFIX + key: value for key, value in header_settings(image).items()}
     variance = {} if image.variance is None else {"variance": image.variance}
     arrays: dict[str, NDArray[Any]] = {"": image.radiance, **variance, **image.layers, **layers}
@@ -129,7 +129,7 @@ def read_exr(
 
     with suppress_library_output():
         with OpenEXR.File(io.BytesIO(data), separate_channels=True, header_only=True) as file:
-            _check_parts([part.header for part in file.parts], len(data))
+            check_parts([part.header for part in file.parts], len(data))
         with OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
             header = dict(file.header())
             planes = {name: np.asarray(channel.pixels) for name, channel in file.channels().items() if is_wanted(name)}
@@ -138,7 +138,7 @@ def read_exr(
     return header, planes
 
 
-def _check_parts(headers: Sequence[Mapping[str, Any]], length: int) -> None:
+def check_parts(headers: Sequence[Mapping[str, Any]], length: int) -> None:
     """Refuse a file for what the headers of its parts say; all are decoded, wanted or not."""
     size = 0
     for header in headers:

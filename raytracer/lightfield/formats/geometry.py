@@ -95,7 +95,16 @@ def to_json(views: Views, units: str | float | None) -> bytes:
 def read(path: Path) -> tuple[Views, dict[str, str]]:
     """Read a geometry from a JSON file, and the settings that say its units; an InputError says that it is none."""
     try:
-        values = json.loads(read_regular(path, _LARGEST))
+        text = read_regular(path, _LARGEST)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    return parse(path, text)
+
+
+def parse(path: Path, text: str | bytes) -> tuple[Views, dict[str, str]]:
+    """Parse a geometry of a file, as JSON; see `read`."""
+    try:
+        values = json.loads(text)
         pose, cell = values.get("pose"), values.get("cell")
         views = Views(
             position=np.array(values["position"], dtype=np.float64),
@@ -108,8 +117,6 @@ def read(path: Path) -> tuple[Views, dict[str, str]]:
             focal_length=None if "focal_length" not in values else float(values["focal_length"]),
             pose=None if pose is None else Pose.of(pose[name] for name in Pose._fields),
         )
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except KeyError as error:
         raise InputError(f"{path}: is no geometry of a light field: it has no {error}") from error
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:

@@ -1,0 +1,282 @@
+"""OpenEXR files of several views, .exr: a part for each view, or the views as layers of one part.
+
+An export writes a part for each view with the attribute `view`, channels R, G and B, and the layers as channels of
+their names; the attribute `rt.lightfield` of the first part holds the geometry.  An import also takes the files of
+other programs: stereo pictures, and any number of views; they make one row, `left` first and `right` last.
+
+References: Academy Software Foundation, "Storing Multi-View Images in OpenEXR Files", and "OpenEXR File Layout".
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.lazy_array import LazyArray
+from raytracer.film.light_field.views import Views
+from raytracer.lightfield.formats import geometry
+from raytracer.lightfield.formats.base.exr_parts import SUFFIX, DecodedPart, Header, read_headers, read_parts
+from raytracer.lightfield.formats.base.import_geometry import check_same_size, find_geometry
+from raytracer.lightfield.formats.base.light_field_format import (
+    Exported,
+    ExportOptions,
+    ImportOptions,
+    LightFieldFormat,
+)
+from raytracer.lightfield.formats.base.scanline_exr import Part, map_parts, open_writer
+from raytracer.util import safe_open
+from raytracer.util.errors import InputError
+from raytracer.util.progress import Update, report_progress
+
+GEOMETRY = "rt.lightfield"
+"""The attribute with the geometry of the views, as JSON, and the types of the channels."""
+
+_COLOURS = ("R", "G", "B")
+
+_LEFT, _RIGHT = "left", "right"
+"""Names of the views of the two eyes, which the convention fixes."""
+
+_TYPES = ("f2", "f4", "u4")
+"""Types of the channels of a file."""
+
+
+# ---- Export
+
+
+def check_multiview(field: LightField, path: Path, options: ExportOptions) -> None:
+    """Check that a file of all views can be written: an InputError says why not."""
+    del field, options
+    if path.suffix.lower() != SUFFIX:
+        raise InputError(f"{path}: views of one file are written as {SUFFIX}")
+
+
+def _channel_type(dtype: "np.dtype[Any]") -> "np.dtype[Any] | None":
+    """Choose the type of a channel for an array; None where no type of the format holds it."""
+    if dtype.kind == "f":
+        return np.dtype(np.float16 if dtype.itemsize == 2 else np.float32)
+    is_small = dtype.kind == "b" or (dtype.kind == "u" and dtype.itemsize <= 4)
+    return np.dtype(np.uint32) if is_small else None
+
+
+def write_multiview(field: LightField, path: Path, options: ExportOptions, update: Update | None) -> Exported:
+    """Write a part for each view, view by view; layers of signed or long integers, and rays, are left out."""
+    del options
+    views = field.views
+    layers = {name: layer for name, layer in field.layers.items() if _channel_type(layer.dtype) is not None}
+    channels: dict[str, np.dtype[Any] | None] = {name: _channel_type(field.radiance.dtype) for name in _COLOURS}
+    planes: dict[str, tuple[str, int | None]] = {}
+    for name, layer in layers.items():
+        count = layer.shape[4] if len(layer.shape) == 5 else None
+        for number in (None,) if count is None else range(count):
+            channel = name if number is None else f"{name}.{number}"
+            planes[channel] = (name, number)
+            channels[channel] = _channel_type(layer.dtype)
+    stated = json.loads(geometry.to_json(views, field.settings.get("units")))
+    types = {name: kind for name, kind in channels.items() if kind is not None}
+    stated["channels"] = {name: kind.str[1:] for name, kind in types.items()}
+    at = list(np.ndindex(views.rows, views.columns))
+    names = [f"view_{row:02d}_{column:02d}" for row, column in at]
+    parts = [Part(name, types, {GEOMETRY: json.dumps(stated)} if i == 0 else {}) for i, name in enumerate(names)]
+    with open_writer(path, parts, views.width, views.height) as writer:
+        for number, place in enumerate(report_progress(at, update)):
+            radiance = np.asarray(field.radiance[place])
+            rows = {name: radiance[..., i] for i, name in enumerate(_COLOURS)}
+            stored = {name: np.asarray(layer[place]) for name, layer in layers.items()}
+            rows |= {
+                channel: stored[name] if i is None else stored[name][..., i] for channel, (name, i) in planes.items()
+            }
+            writer.put(number, 0, rows)
+    left_out = [name for name in field.layers if name not in layers] + (["rays"] if field.rays is not None else [])
+    notes = (f"left out, which the format cannot hold: {', '.join(left_out)}",) if left_out else ()
+    return Exported([path], notes=notes)
+
+
+# ---- Import
+
+
+def _is_input(path: Path, options: ImportOptions) -> bool:
+    """Return True for an .exr file that names several views."""
+    if path.suffix.lower() != SUFFIX or options.rows is not None or options.columns is not None or not path.is_file():
+        return False
+    with safe_open.name_read_errors(path):
+        return _names_views(read_headers(path))
+
+
+def _names_views(headers: Sequence[Header]) -> bool:
+    return "multiView" in headers[0].attributes or len({_view_of(header) for header in headers} - {None}) > 1
+
+
+def _view_of(header: Header) -> str | None:
+    view = header.attributes.get("view")
+    return None if view is None else str(view)
+
+
+def read_multiview(path: Path, options: ImportOptions) -> LightField:
+    """Read the views of a file: those of this program are mapped into memory, others decoded at once."""
+    with safe_open.name_read_errors(path):
+        headers = read_headers(path)
+        own = _read_own(path, headers, options)
+        if own is not None:
+            return own
+        views = _views_of(read_parts(path))
+    if len(views) < 2:
+        raise InputError(f"{path}: holds fewer than two views with channels R, G and B, or Y")
+    shapes = {view.radiance.shape for view in views}
+    if len(shapes) > 1:
+        raise InputError(f"{path}: holds views of different sizes: {', '.join(map(str, sorted(shapes)))}")
+    radiance = np.stack([view.radiance for view in views])[None]
+    steps = geometry.regular_grid(1, len(views))
+    layers = {}
+    if all(view.depth is not None for view in views):
+        layers["depth"] = np.stack([np.asarray(view.depth, dtype=np.float64) for view in views])[None]
+    beside = path.with_suffix(f".{geometry.FILE}")
+    found, units = find_geometry(path, steps, radiance.shape, options, beside=beside)
+    return LightField(radiance, found, layers, settings={"naming": "multiview", **units})
+
+
+def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> LightField | None:
+    """Map the views of a file that this program wrote, and has not been changed; None for any other."""
+    text = headers[0].attributes.get(GEOMETRY)
+    if text is None:
+        return None
+    views, units, channels = _parse_geometry(path, str(text))
+    first = headers[0]
+    if views.rows * views.columns != len(headers):
+        raise InputError(f"{path}: is the geometry of {views.rows * views.columns} views, and there are {len(headers)}")
+    check_same_size(path, views, (views.rows, views.columns, first.height, first.width))
+    types = {name: np.dtype(kind) for name, kind in channels.items()}
+    if not set(_COLOURS) <= set(types) or any(set(header.names) != set(types) for header in headers):
+        raise InputError(f"{path}: has other channels than it says")
+    parts = [Part(str(_view_of(header)), types) for header in headers]
+    blocks = map_parts(path, parts, views.width, views.height)
+    if blocks is None:
+        # Another program has written it again.
+        blocks = _decode_blocks(path, views, types)
+    if options.has_metres:
+        steps = geometry.regular_grid(views.rows, views.columns)
+        shape = (views.rows, views.columns, views.height, views.width)
+        views, units = find_geometry(path, steps, shape, options, beside=path.with_suffix(f".{geometry.FILE}"))
+    radiance = LazyChannels(blocks, views, _COLOURS)
+    layers = {name: LazyChannels(blocks, views, names) for name, names in _layers_of(channels).items()}
+    return LightField(radiance, views, layers, settings={"naming": "multiview", **units})
+
+
+def _parse_geometry(path: Path, text: str) -> tuple[Views, dict[str, str], dict[str, str]]:
+    """Parse the attribute of the geometry: it, the settings of its units, and types of channels by name."""
+    views, units = geometry.parse(path, text)
+    channels = json.loads(text).get("channels")
+    if not isinstance(channels, dict) or not all(kind in _TYPES for kind in channels.values()):
+        raise InputError(f"{path}: is a broken file of views: it does not say the types of its channels")
+    return views, units, channels
+
+
+def _layers_of(channels: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """List the channels of each layer."""
+    layers: dict[str, list[str]] = {}
+    for name in channels:
+        stem, dot, number = name.rpartition(".")
+        if name not in _COLOURS:
+            layers.setdefault(stem if dot and number.isdigit() else name, []).append(name)
+    return {
+        name: tuple(sorted(names, key=lambda each: int(each.rpartition(".")[2]))) if names != [name] else (name,)
+        for name, names in layers.items()
+    }
+
+
+def _decode_blocks(path: Path, views: Views, types: Mapping[str, "np.dtype[Any]"]) -> list[NDArray[Any]]:
+    """Decode all parts, as structured arrays of rows (height,)."""
+    kind = np.dtype([(f"channel {name}", each, (views.width,)) for name, each in types.items()])
+    blocks = []
+    for part in read_parts(path):
+        rows = np.zeros(views.height, kind)
+        if part.header.height != views.height or part.header.width != views.width:
+            raise InputError(f"{path}: holds views of different sizes")
+        for name in types:
+            rows[f"channel {name}"] = part.planes[name]
+        blocks.append(rows)
+    return blocks
+
+
+class LazyChannels(LazyArray):
+    """Channels of all views, (rows, columns, height, width), or with a last axis of channels if there are several.
+
+    blocks : of each view, rows with a field for each channel.
+    """
+
+    def __init__(self, blocks: Sequence[NDArray[Any]], views: Views, names: Sequence[str]) -> None:
+        self._blocks, self._names = blocks, [f"channel {name}" for name in names]
+        channels = (len(names),) if len(names) > 1 else ()
+        kind = blocks[0].dtype[self._names[0]].base.newbyteorder("=")
+        super().__init__((views.rows, views.columns, views.height, views.width, *channels), kind)
+
+    def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
+        rows, columns, *within = (range(size)[part] for part, size in zip(ahead, self.shape, strict=True))
+        parts = np.zeros([len(rows), len(columns), *map(len, within)], self.dtype)
+        for r, c in np.ndindex(len(rows), len(columns)):
+            block = self._blocks[rows[r] * self.shape[1] + columns[c]][ahead[2]]
+            planes = [block[name][:, ahead[3]] for name in self._names]
+            parts[r, c] = np.stack(planes, axis=-1)[..., ahead[4]] if len(self.shape) == 5 else planes[0]
+        return parts
+
+
+class _View(NamedTuple):
+    """A view of another program.
+
+    depth : of its pixels, None if the file has none.
+    """
+
+    radiance: NDArray[np.float64]
+    depth: NDArray[Any] | None
+
+
+def _views_of(parts: Sequence[DecodedPart]) -> list[_View]:
+    """List the views of a file from left to right."""
+    planes: dict[str, dict[str, NDArray[Any]]] = {}
+    if "multiView" in parts[0].header.attributes:
+        stated = [str(name) for name in parts[0].header.attributes["multiView"]]
+        for channel, plane in parts[0].planes.items():
+            view, name = _split_name(channel, stated)
+            planes.setdefault(view, {}).setdefault(name, plane)
+        order = [name for name in stated if name in planes]
+    else:
+        for part in parts:
+            for channel, plane in part.planes.items():
+                planes.setdefault(str(_view_of(part.header)), {}).setdefault(channel, plane)
+        order = list(planes)
+    order.sort(key=lambda name: (name != _LEFT) + (name == _RIGHT))
+    return [view for view in map(_make_view, (planes[name] for name in order)) if view is not None]
+
+
+def _split_name(channel: str, views: Sequence[str]) -> tuple[str, str]:
+    """Split the name of a channel, `layer.view.channel`, into its view and the rest; the first view has no name."""
+    *before, last = channel.split(".")
+    if before and before[-1] in views:
+        return before[-1], ".".join((*before[:-1], last))
+    return views[0], channel
+
+
+def _make_view(planes: Mapping[str, NDArray[Any]]) -> _View | None:
+    names = next((names for names in (_COLOURS, ("Y", "Y", "Y")) if all(name in planes for name in names)), None)
+    if names is None:
+        return None
+    depth = next((planes[name] for name in ("Z", "depth.Z", "depth") if name in planes), None)
+    return _View(np.stack([np.asarray(planes[name], dtype=np.float64) for name in names], axis=-1), depth)
+
+
+FORMATS = (
+    LightFieldFormat(
+        "multiview",
+        "an .exr file with a part for each view",
+        is_input=_is_input,
+        read=read_multiview,
+        is_output=lambda path: path.suffix.lower() == SUFFIX and not path.is_dir(),
+        check=check_multiview,
+        write=write_multiview,
+        takes=frozenset(),
+        order=30,
+    ),
+)
