@@ -22,6 +22,9 @@ from raytracer.util.safe_open import BrokenFileError, name_read_errors, open_reg
 MAGIC = b"\x89LFP\r\n\x1a\n"
 """First bytes of a container."""
 
+SUFFIXES = (".lfp", ".lfr")
+"""Suffixes of containers of photographs."""
+
 ALIGNMENT = 16
 """Sections begin at multiples of so many bytes."""
 
@@ -107,7 +110,9 @@ class Container:
 
 
 def is_container(path: str | Path) -> bool:
-    """Tell if a file begins as a container does; False where it cannot be read."""
+    """Tell if a file is named as a container, or begins as one; False where it cannot be read."""
+    if Path(path).suffix.lower() in SUFFIXES:
+        return True
     try:
         with open_regular(Path(path)) as file:
             return file.read(len(MAGIC)) == MAGIC

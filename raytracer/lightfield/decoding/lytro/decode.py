@@ -78,8 +78,8 @@ def decode_photo(
         views=views,
         optics=optics_from_metadata(metadata, optics or Optics()),
     )
-    clipped = [_clipping(one) for one in (picture, None if flat is None else flat.source)]
-    notes = (*(() if flat is None else flat.notes), *sum(clipped, []), *decoded.notes, *_notes(metadata, decoded.grid))
+    clipped = [note for one in (picture, flat and flat.source) for note in _clipping(one)]
+    notes = (*(() if flat is None else flat.notes), *clipped, *decoded.notes, *_notes(metadata, decoded.grid))
     settings = {**decoded.settings, **({"camera": metadata.camera} if metadata.camera else {})}
     matrix = None
     if colors == "camera" and metadata.bayer is not None:
@@ -136,9 +136,7 @@ def _scale_white(source: Source, metadata: PhotoMetadata, colors: Colors) -> Sou
     means = np.array([float(part.mean(dtype=np.float64)) for part in parts])
     if not (means > 0.0).all():
         raise InputError(f"{source.name}: is black")
-    green = (
-        means.max() if metadata.bayer is None else means[[i for i, c in enumerate(metadata.bayer) if c == "g"]].mean()
-    )
+    green = means[0] if metadata.bayer is None else means[[color == "g" for color in metadata.bayer]].mean()
     for (row, column), part, mean in zip(filters, parts, means, strict=True):
         scaled[row::step, column::step] = part * np.float32(green / mean if colors == "camera" else 1.0)
     scaled /= np.float32(bright_quantile(scaled))

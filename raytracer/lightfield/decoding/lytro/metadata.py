@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.lightfield.decoding.raw_image import BAYER
 from raytracer.util.errors import one_line
 from raytracer.util.safe_open import BrokenFileError
 
@@ -97,18 +98,12 @@ class PhotoMetadata:
         """Arrange numbers of the four filters as these lie on the first two rows and columns: (2, 2)."""
         if self.bayer is None:
             return np.full((2, 2), levels[1], np.float32)
-        red_row = self.bayer.index("r") // 2
         named = dict(zip(FILTERS, levels, strict=True))
-        return np.array(
-            [
-                [
-                    named[color if color != "g" else ("gr" if row == red_row else "gb")]
-                    for color in self.bayer[i : i + 2]
-                ]
-                for row, i in enumerate((0, 2))
-            ],
-            np.float32,
-        )
+        numbers = []
+        for row in (self.bayer[:2], self.bayer[2:]):
+            green = "gr" if "r" in row else "gb"
+            numbers.append([named[green if color == "g" else color] for color in row])
+        return np.array(numbers, np.float32)
 
 
 class _Fields:
@@ -231,10 +226,10 @@ def _read_bayer(fields: _Fields) -> str | None:
     if [len(row) for row in rows] != [2, 2] or sorted(names) != sorted(FILTERS) or first.lower() not in names:
         raise BrokenFileError(f"mosaic: the colour filters {tile!r}, from {first!r} on, are not known")
     at = names.index(first.lower())
-    order = [names[(row ^ at // 2) * 2 + (column ^ at % 2)] for row in (0, 1) for column in (0, 1)]
-    if (order[0] in ("r", "b") and order[3] not in ("r", "b")) or (order[0][0] == "g" and order[3][0] != "g"):
+    order = "".join(names[(row ^ at // 2) * 2 + (column ^ at % 2)][0] for row in (0, 1) for column in (0, 1))
+    if order not in BAYER:
         raise BrokenFileError(f"mosaic: the colour filters {tile!r} are not those of Bayer")
-    return "".join(name[0] for name in order)
+    return order
 
 
 def _read_gains(fields: _Fields) -> tuple[float, float, float] | None:

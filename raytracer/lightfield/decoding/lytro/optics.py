@@ -79,7 +79,7 @@ class PupilOptics(Optics):
 
 
 def focus_from_metadata(metadata: PhotoMetadata) -> float:
-    """Compute the distance of the plane that is sharp on the microlenses from the entrance pupil (m); inf if unknown."""
+    """Compute the distance from the entrance pupil of what is sharp on the microlenses (m); inf if not known."""
     lens, pitch = metadata.lens, metadata.microlenses.pitch
     if None in (lens.focal_length, lens.f_number, lens.infinity_lambda, pitch):
         return math.inf

@@ -16,6 +16,9 @@ Endianness = Literal["big", "little"]
 
 _BYTE = 8
 
+_GROUPS = {_BYTE: (1, 1), 10: (5, 4), 12: (3, 2), 16: (2, 1)}
+"""Bytes that hold so many pixels, by the bits of a pixel."""
+
 
 def unpack_pixels(data: bytes, width: int, height: int, bits: int, endianness: str) -> NDArray[np.uint16]:
     """Unpack the codes of the pixels, (height, width), row by row from the top left.
@@ -31,20 +34,19 @@ def unpack_pixels(data: bytes, width: int, height: int, bits: int, endianness: s
     count = width * height
     if bits not in (_BYTE, 16) and (bits, endianness) not in ((12, "big"), (10, "little")):
         raise BrokenFileError(
-            f"has pixels of {bits} bits, {endianness}-endian: known are 12 bits, big (F01), 10, little (Illum), 8 and 16"
+            f"has pixels of {bits} bits, {endianness}-endian: known are 12, big (F01), 10, little (Illum), 8 and 16"
         )
-    needed = math.ceil(count * bits / _BYTE)
-    if len(data) < needed:
+    group, pixels = _GROUPS[bits]
+    groups = math.ceil(count / pixels)
+    if len(data) < group * groups:
         raise BrokenFileError(
-            f"has {len(data):,} bytes of pixels, and {width} x {height} of {bits} bits take {needed:,}"
+            f"has {len(data):,} bytes of pixels, and {width} x {height} of {bits} bits take {group * groups:,}"
         )
     if bits in (_BYTE, 16):
         order = ">" if endianness == "big" else "<"
         codes = np.frombuffer(data, f"{order}u{bits // _BYTE}", count)
         return codes.astype(np.uint16).reshape(height, width)
-    group, pixels = (3, 2) if bits == 12 else (5, 4)
-    groups = math.ceil(count / pixels)
-    part = np.frombuffer(data[: group * groups].ljust(group * groups, b"\0"), np.uint8).reshape(groups, group)
+    part = np.frombuffer(data, np.uint8, group * groups).reshape(groups, group)
     codes = np.empty((groups, pixels), np.uint16)
     if bits == 12:
         middle = part[:, 1].astype(np.uint16)

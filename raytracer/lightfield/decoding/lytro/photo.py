@@ -30,7 +30,7 @@ class Photo:
     codes: NDArray[np.uint16]
 
     def light(self) -> Floats32:
-        """Compute the light, (height, width): 0 at the black level of each colour filter, and at most 1, at the white."""
+        """Compute the light, (height, width): 0 at the black level of each filter, and at most 1, at the white."""
         black = self.metadata.filter_levels(self.metadata.black)
         white = self.metadata.filter_levels(self.metadata.white)
         light = self.codes.astype(np.float32)
@@ -82,7 +82,7 @@ class PhotoFile:
 def make_photo(name: str, metadata: PhotoMetadata, data: bytes) -> Photo:
     """Unpack a raw picture; a BrokenFileError says that there are too few bytes, or that the packing is not known."""
     codes = unpack_pixels(data, metadata.width, metadata.height, metadata.bits, metadata.endianness)
-    return Photo(name, metadata, codes >> metadata.shift if metadata.shift else codes)
+    return Photo(name, metadata, np.right_shift(codes, metadata.shift, dtype=np.uint16))
 
 
 def open_photo(path: str | Path) -> PhotoFile:

@@ -123,12 +123,8 @@ def choose_white_picture(pictures: list[WhitePicture], photo: PhotoMetadata, pat
     def rank(one: WhitePicture) -> tuple[float, float, float, str]:
         lens, wanted = one.metadata.lens, photo.lens
         zoom = abs((lens.zoom_step or 0.0) - (wanted.zoom_step or 0.0))
-        return (
-            zoom,
-            abs((lens.focus_step or 0.0) - (wanted.focus_step or 0.0)),
-            -(one.metadata.exposure or 0.0),
-            one.name,
-        )
+        focus = abs((lens.focus_step or 0.0) - (wanted.focus_step or 0.0))
+        return zoom, focus, -(one.metadata.exposure or 0.0), one.name
 
     return min(fitting, key=rank)
 
