@@ -75,7 +75,8 @@ def _read_all(field: "LightField") -> None:
         for view in np.ndindex(field.views.rows, field.views.columns):
             array[view]
     for part in field.rays or ():
-        part[:]
+        if part is not None:
+            part[:]
 
 
 def _numbers(field: "LightField") -> dict[str, Any]:
