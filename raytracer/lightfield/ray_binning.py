@@ -35,7 +35,7 @@ def rays_to_views(field: LightField) -> tuple[LightField, str]:
 
     sums = np.zeros((side * side * views.height * views.width, 4))
     for begin in range(0, count, _CHUNK):
-        _add(sums, field, Rays(*(np.asarray(part[begin : begin + _CHUNK]) for part in rays)), side, across)
+        _add(sums, field, Rays(*(np.asarray(part[begin : begin + _CHUNK]) for part in rays[:3])), side, across)
     sums = sums.reshape(side, side, views.height, views.width, 4)
     radiance = np.empty((*sums.shape[:4], 3))
     for place in np.ndindex(side, side):

@@ -102,6 +102,18 @@ _GROUPS = {
         _Quantity("microlens_f_number", "f-number"),
         _Quantity("microlens_airy_disc_px", "Airy disc (550 nm)", "px"),
         _Quantity("sensor_behind_microlenses_mm", "sensor behind them", "mm"),
+        *(
+            _Quantity(f"kind_{kind}_{name}", f"kind {kind}: {text}" if name.startswith("focal") else text, unit)
+            for kind in (1, 2, 3)
+            for name, text, unit in (
+                ("focal_length_mm", "focal length", "mm"),
+                ("sharp_m", "sharpest at", "m"),
+                ("near_m", "sharp to a pixel from", "m"),
+                ("far_m", "to", "m"),
+            )
+        ),
+        _Quantity("sharp_near_m", "all kinds: sharp to a pixel from", "m"),
+        _Quantity("sharp_far_m", "to", "m"),
         _Quantity("raw_pixels", "pixels of the sensor"),
     ),
     "Exposure": (

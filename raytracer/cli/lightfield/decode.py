@@ -24,17 +24,28 @@ Examples:
       --focal-length 9.5mm --f-number 2 --focus-distance 1.5m       distances in metres
   rt lightfield decode raw.png --white white.png --json > grid.json
   rt lightfield decode other.png --white white.png --grid grid.json -o other.lf
+  rt lightfield decode IMG_0001.lfp --white caldata/ -o shot.lf     a Lytro's, with its metadata
 
 \b
 Pictures are .png or .tif of 8 or 16 bits, .exr or .npy, in linear light, upright, all of one size.  The white picture
 is of something evenly bright, at the same zoom and focus; 1.0 in the light field is as bright as it was.
+
+\b
+Containers of Lytro's, .lfp and .lfr, say themselves what colour filters and optics they are of; options say it better.
+Of the white pictures that came with the camera, in a folder, data.C.0 or caldata-SERIAL.tar, the nearest in zoom and
+focus is taken; 1.0 is the largest code of the sensor.
 """
 
 
 def decode(
-    raw: Annotated[str, Argument(metavar="RAW", help="Picture of the sensor behind microlenses.")],
+    raw: Annotated[str, Argument(metavar="RAW", help="Picture of the sensor behind microlenses; .lfp, .lfr.")],
     white: Annotated[
-        str | None, takes("WHITE", "Picture of something evenly bright; default: the grid is sought in RAW.")
+        str | None,
+        takes(
+            "WHITE",
+            "Picture of something evenly bright, or a folder or archive of a Lytro's; default: the grid is sought in "
+            "RAW.",
+        ),
     ] = None,
     dark: Annotated[str | None, takes("DARK", "Picture without light, taken off both.")] = None,
     grid: Annotated[
@@ -63,6 +74,10 @@ def decode(
     focus_distance: Annotated[
         str, takes("LENGTH", "Plane that is sharp on the microlenses, from the lens: 1.5m.")
     ] = "inf",
+    colors: Annotated[
+        Literal["camera", "white"],
+        Option(help="Of a .lfp or .lfr file: by the camera's gains and matrix, or with WHITE's colour as white."),
+    ] = "camera",
     as_json: options.AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -81,12 +96,22 @@ def decode(
     behind = _length("--microlens-distance", microlens_distance, "um")
 
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
+    from raytracer.lightfield.decoding.lytro.container import is_container
+    from raytracer.lightfield.decoding.lytro.decode import decode_photo
     from raytracer.lightfield.decoding.microlens_grid import Optics, read_grid
     from raytracer.util.progress import Bar
 
     known = None if grid is None else read_grid(grid)
     optics = Optics(pitch, focal, f_number, microlens_distance=behind, focus_distance=distance)
-    light_field = decode_picture(raw, white, dark=dark, grid=known, bayer=bayer, views=views, srgb=srgb, optics=optics)
+    if is_container(raw):
+        for option, value in (("--dark", dark), ("--bayer", bayer), ("--srgb", srgb or None)):
+            if value is not None:
+                raise InputError(f"{option}: {raw} is a container, whose metadata say that")
+        light_field = decode_photo(raw, white, grid=known, views=views, colors=colors, optics=optics)
+    else:
+        light_field = decode_picture(
+            raw, white, dark=dark, grid=known, bayer=bayer, views=views, srgb=srgb, optics=optics
+        )
     for note in () if quiet else light_field.notes:
         print(f"note: {note}", file=sys.stderr)
     if output is not None:

@@ -20,6 +20,7 @@ Examples:
   rt lightfield info outputs/array.lf
   rt lightfield info outputs/array.lf --json
   rt lightfield info outputs/array.lf --check     reads all of it, to know that it is whole
+  rt lightfield info IMG_0001.lfp                 what a Lytro's photograph says of itself
 """
 
 
@@ -28,9 +29,16 @@ def info(
     check: Annotated[bool, Option("--check", help="Read everything, and fail where the file is damaged.")] = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Show what a light field holds: views, their places and pixels, and where it can be focused."""
-    from raytracer.film.light_field import lf
+    """Show what a light field holds: views, their places and pixels, and where it can be focused.
 
+    Of a .lfp or .lfr file, a photograph by a Lytro, it shows the metadata; --json prints all of them.
+    """
+    from raytracer.film.light_field import lf
+    from raytracer.lightfield.decoding.lytro.container import is_container
+
+    if is_container(file):
+        _show_photo(file, check, as_json)
+        return
     is_posed = lf.is_posed(file)
     with lf.open_posed(file) if is_posed else lf.open(file) as field:
         if check:
@@ -45,6 +53,25 @@ def info(
             print("all of it was read, and is whole")
 
 
+def _show_photo(file: str, check: bool, as_json: bool) -> None:
+    """Show the metadata of a photograph in a container."""
+    from raytracer.lightfield.decoding.lytro.photo import open_photo
+    from raytracer.lightfield.decoding.lytro.summary import summarize
+    from raytracer.util.errors import one_line
+
+    photo = open_photo(file)
+    if check:
+        photo.read()
+    if as_json:
+        print_json(dict(photo.all_metadata))
+        return
+    lines = summarize(photo)
+    width = max(map(len, lines))
+    print("".join(f"{key:<{width}}  {one_line(text)}\n" for key, text in lines.items()), end="")
+    if check:
+        print("all of it was read, and is whole")
+
+
 def _read_all(field: "LightField | PosedLightField") -> None:
     import numpy as np
 
@@ -53,7 +80,8 @@ def _read_all(field: "LightField | PosedLightField") -> None:
         for view in np.ndindex(field.views.rows, field.views.columns):
             array[view]
     for part in field.rays or ():
-        part[:]
+        if part is not None:
+            part[:]
 
 
 def _common_numbers(field: "LightField | PosedLightField") -> dict[str, Any]:

@@ -39,11 +39,14 @@ class Rays(NamedTuple):
         of the point where the ray meets the plane of focus (`Views`).
     value : float64 (n, 3), radiance that the ray added to the picture.
     weight : float64 (n,), its weight there.
+    bundle : float64 (n, 2), where a ray stands for the light through all of a microlens: what it is wide at infinity
+        (tangent) and in the plane of the views (m), see `lenslet_kinds`; None for rays without a width.
     """
 
     place: NDArray[np.float64]
     value: NDArray[np.float64]
     weight: NDArray[np.float64]
+    bundle: NDArray[np.float64] | None = None
 
 
 class FieldArrays:

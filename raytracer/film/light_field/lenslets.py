@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LIT_LAYER, RAYS_LAYER, LightField, Rays, Samples, rays_from_layer
 from raytracer.film.light_field.lattice import Lattice
+from raytracer.film.light_field.lenslet_kinds import Bundle, microlens_kinds, sharpness
 from raytracer.film.light_field.resampling import Resampler
 from raytracer.film.light_field.views import Plane, Pose, Views
 
@@ -70,6 +71,7 @@ class Lenslets:
     aperture, focal_length, pose : of the main lens; see `Views`.
     blur (m/px) : distance by which the place on the main lens that a pixel sees moves back, per place in the
         microlens that light goes through (of microlenses as large as their sub-images).
+    kinds (m/px) : `blur` of microlenses of three kinds; empty for one kind.
     """
 
     is_by_view: ClassVar[bool] = False
@@ -86,6 +88,7 @@ class Lenslets:
     focal_length: float | None = None
     pose: Pose | None = None
     blur: float = 0.0
+    kinds: tuple[float, ...] = ()
 
     @property
     def views(self) -> Views:
@@ -143,10 +146,16 @@ class Lenslets:
     @cached_property
     def lit(self) -> FloatArray:
         """Fraction of the aperture's cell that each pixel sees which is open, (height, width)."""
+        if self.kinds:
+            return np.asarray(np.choose(self._kinds, [self._lit_through(blur) for blur in self.kinds]))
+        return self._lit_through(self.blur)
+
+    def _lit_through(self, blur: float) -> FloatArray:
+        """Compute the fraction that is open, through microlenses of one kind."""
         if self.aperture is None:
             return np.ones((self.height, self.width))
         _, away = self._pixels
-        if self.blur == 0.0:
+        if blur == 0.0:
             return self._open_fraction(away[..., 0], away[..., 1])
 
         # A pixel's light spreads over more of the main lens: look it up by the pixel's place under its microlens.
@@ -154,7 +163,7 @@ class Lenslets:
         places = np.arange(-reach, reach + 1) / _STEPS
         x, y = np.meshgrid(places, places)
         inside = self._cell_points()
-        spread = self.blur / self.stride * inside
+        spread = blur / self.stride * inside
         table = np.mean([self._open_fraction(x - right, y - down) for right, down in spread], axis=0)
         fractions, _ = _sample_bilinear(table[..., None], None, _STEPS * away + (reach + 0.5), None)
         return fractions[..., 0]
@@ -187,6 +196,24 @@ class Lenslets:
             best, least = np.where(nearer[..., None], middles, best), np.where(nearer, distance, least)
         return best, places - best
 
+    @cached_property
+    def _kinds(self) -> NDArray[np.intp]:
+        """Kinds of the microlenses of all pixels, (height, width)."""
+        return microlens_kinds(self.lattice, self._pixels[0])
+
+    def bundle(self, kind: int = 0) -> Bundle:
+        """Return the light that comes to a point of the sensor through a microlens of a kind."""
+        blur = self.lattice.pitch * (self.kinds[kind] if self.kinds else self.blur)
+        return Bundle(self.lattice.pitch * self.slope + blur * self.inverse_distance, blur)
+
+    def _weigh_kinds(self, lit: FloatArray) -> FloatArray:
+        """Weigh pixels for views by how sharp their microlenses are in the plane of focus."""
+        if not self.kinds:
+            return lit
+        pixel = self.views.plane.pixel
+        spots = [self.bundle(kind).spot(self.inverse_focus) for kind in range(len(self.kinds))]
+        return np.asarray(lit * sharpness(np.array(spots), pixel)[self._kinds])
+
     def _rays(self, radiance: NDArray[Any], lit: FloatArray) -> Rays:
         """Make a ray for each pixel that sees through the aperture, through the middle of its microlens."""
         middles, away = self._pixels
@@ -195,7 +222,10 @@ class Lenslets:
         image = self.slope * (middles - self.middle) * sides + on_lens * (self.inverse_focus - self.inverse_distance)
         seen = lit > _MIN_COVERAGE
         place = np.concatenate([on_lens[seen], image[seen]], axis=-1)
-        return Rays(place, np.asarray(radiance[seen], dtype=np.float64), lit[seen])
+        bundles = (
+            np.array([self.bundle(kind) for kind in range(len(self.kinds))])[self._kinds[seen]] if self.kinds else None
+        )
+        return Rays(place, np.asarray(radiance[seen], dtype=np.float64), lit[seen], bundles)
 
     # ---- Views
 
@@ -253,7 +283,11 @@ class Lenslets:
         picture = picture * gain.reshape(*gain.shape, *(1,) * (picture.ndim - 2))
         if self.is_focused:
             # The weighted mean of ones is 1, or 0 where all weights are 0.
-            return self._split_views(picture, lit), self._patches.split_views(np.ones(lit.shape), lit) > _HALF, None
+            return (
+                self._split_views(picture, self._weigh_kinds(lit)),
+                self._patches.split_views(np.ones(lit.shape), lit) > _HALF,
+                None,
+            )
         if self._whole is not None:
             return self._split_views(picture, lit), self._split_views(is_lit, None), None
         grid = self._grid

@@ -59,6 +59,7 @@ class Decoded:
     light : picture without dark and vignetting, in units of `scale`.
     scale : light of one unit of `light`.
     weight : light that each pixel gets, 0..1; None without a white picture.
+    matrix : 3 x 3, from the sensor's colours to linear sRGB; None if they are that.
     """
 
     grid: Grid
@@ -69,6 +70,7 @@ class Decoded:
     light: Floats32 | NDArray[np.uint16]
     scale: float
     weight: Floats32 | None
+    matrix: NDArray[np.float64] | None = None
 
     def view(self, row: int, column: int) -> NDArray[np.float64]:
         """Make one view, float64 (height, width, 3); 0 where no light came to it."""
@@ -130,6 +132,8 @@ class Decoded:
             seen, samples = seen._replace(seen=np.zeros_like(seen.seen)), np.full_like(samples, np.nan)
         if values.ndim == 2:
             values, samples = np.repeat(values[..., None], 3, axis=2), np.repeat(samples[..., None], 3, axis=1)
+        if self.matrix is not None:
+            values, samples = values @ self.matrix.T, samples @ self.matrix.T
         return ResampledView(values, seen.seen, samples)
 
     def _all(self) -> Iterator[tuple[tuple[int, int], ResampledView]]:

@@ -2,6 +2,7 @@
 
 import functools
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,16 @@ from raytracer.util.errors import InputError
 
 Floats32 = NDArray[np.float32]
 
-Source = str | Path | NDArray[Any]
+
+@dataclass(frozen=True, eq=False)
+class RawPicture:
+    """A picture that was read already: linear light, of which the end of the scale is 1, and its name in messages."""
+
+    values: Floats32
+    name: str
+
+
+Source = str | Path | NDArray[Any] | RawPicture
 """A file's name, or an array (height, width) or (height, width, 3) of linear light; uint8 and uint16 stand for 0..1."""
 
 BAYER = ("rggb", "bggr", "grbg", "gbrg")
@@ -25,6 +35,8 @@ _DARKEST = 1e-30
 
 def source_name(source: Source | None, otherwise: str) -> str:
     """Return the name of a source in messages: that of its file, or else the one given."""
+    if isinstance(source, RawPicture):
+        return source.name
     return str(source) if isinstance(source, str | Path) else otherwise
 
 
@@ -32,6 +44,8 @@ def read_raw(source: Source, name: str, srgb: bool) -> Floats32:
     """Read a picture (height, width) or (height, width, 3) in linear light; three equal channels become one."""
     from raytracer.scene.assets.images import read_image
 
+    if isinstance(source, RawPicture):
+        source = source.values
     if isinstance(source, str | Path):
         image = read_image(source)
         stored = image.texels.dtype == np.float32 and not (srgb and image.integer)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import Rays
 from raytracer.film.light_field.focusing import FocusPlane
+from raytracer.film.light_field.lenslet_kinds import sharpness
 from raytracer.film.light_field.views import Views
 from raytracer.film.window import Window
 from raytracer.lightfield.synthetic_aperture import RefocusAperture, cell_weights, opening_transmission
@@ -24,7 +25,8 @@ def integrate_rays(
     """Sum kept rays into the picture of a plane of focus, and count the rays of each pixel.
 
     Returns both, float64, (height, width, 3) and (height, width) of the window.  A pixel is the mean of the rays
-    that come to it from the plane, through the opening; black where none does.
+    that come to it from the plane, through the opening; black where none does.  Rays that are bundles count more the
+    narrower they are there.
 
     Raises InputError: `scale` is not above 0, or the opening is wider than the lens.
     """
@@ -49,6 +51,10 @@ def integrate_rays(
         row = np.floor((views.plane.top - rise - inverse * up) / pixel) - top
         weight = np.asarray(rays.weight[part], dtype=np.float64)
         value = np.asarray(rays.value[part], dtype=np.float64)
+        if rays.bundle is not None:
+            angle, diameter = np.asarray(rays.bundle[part], dtype=np.float64).T
+            share = sharpness(angle - diameter * inverse, pixel)
+            weight, value = weight * share, value * share[:, None]
         if aperture.diameter is not None:
             passes = opening_transmission(
                 right - aperture.center[0], up - aperture.center[1], aperture.diameter, aperture.shape

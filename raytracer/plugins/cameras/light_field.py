@@ -8,6 +8,9 @@ In a scene:
              f_number: 2.8, microlenses: {pitch: 60 um, layout: hexagonal, rotation: 0.7}}
     camera: {type: light_field, look_from: [0, 1.6, 4], look_at: [0, 1, 0], sensor: full_frame, focal_length: 80 mm,
              f_number: 4, microlenses: {pixels: 30, arrangement: focused, focal_length: 0.6 mm}}
+    camera: {type: light_field, look_from: [0, 1.6, 4], look_at: [0, 1, 0], sensor: full_frame, focal_length: 80 mm,
+             f_number: 4, microlenses: {pixels: 30, layout: hexagonal, arrangement: focused,
+                                        focal_length: [0.57 mm, 0.6 mm, 0.63 mm]}}
 """
 
 import math
@@ -32,10 +35,10 @@ from raytracer.plugins.cameras.base.light_field_camera import (
     HexagonCell,
     LightFieldCamera,
     MicrolensArray,
-    MicrolensBlur,
     SquareCell,
     pack_lattice,
 )
+from raytracer.plugins.cameras.base.microlens_kinds import describe_sharpness, pack_spread
 from raytracer.plugins.cameras.base.microlenses import (
     Arrangement,
     MainLens,
@@ -205,6 +208,8 @@ class LightField(GlassLensSpec, IdealLensSpec):
             "sensor_behind_microlenses_mm": array.distance,
             "raw_pixels": float(width * height),
         }
+        if layout.is_focused:
+            numbers |= describe_sharpness(layout, self.microlenses.focal_lengths)
         if not layout.holds_views:
             return numbers
         views = layout.views
@@ -246,7 +251,7 @@ class LightField(GlassLensSpec, IdealLensSpec):
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> LightFieldCamera | GlassLightFieldCamera:
         array, lenslets = self.arrangement(width, height), self.lenslets(width, height)
         cell = HexagonCell() if self.microlenses.layout == "hexagonal" else SquareCell()
-        spread = None if self.microlenses.model == "pinhole" else MicrolensBlur(lenslets.blur)
+        spread = None if self.microlenses.model == "pinhole" else pack_spread(lenslets)
         grid = MicrolensArray(
             pack_lattice(lenslets.lattice), cell, spread, *lenslets.middle, lenslets.slope, lenslets.stride
         )

@@ -189,7 +189,7 @@ def _fields():
         more = {"cell": (0.1, 0.1), "pose": POSE} if extra else {}
         views = Views(10.0 * _views(side, side).position, Plane(0.1, -0.2, 0.2), 4, 4, 0.5, **more)
         layers = {"depth": np.ones((side, side, 4, 4)), "id": np.ones((side, side, 4, 4, 2), np.uint16)}
-        rays = Rays(np.zeros((3, 4)), np.ones((3, 3)), np.ones(3)) if extra else None
+        rays = Rays(np.zeros((3, 4)), np.ones((3, 3)), np.ones(3), np.ones((3, 2))) if extra else None
         radiance = np.random.default_rng(1).random((side, side, 4, 4, 3))
         field = LightField(radiance, views, layers if extra else {}, rays, {"spp": 16, "scene": "ball", "gain": 0.5})
         for compress in (False, True):
@@ -236,7 +236,7 @@ def load_lf(data, folder):
                 view = array[at][: max(1, _MOST_BYTES // max(1, math.prod(array.shape[3:]) * array.dtype.itemsize))]
                 assert view.shape[1:] == array.shape[3:]
         for part in field.rays or ():
-            assert len(part[:1000]) <= 1000
+            assert part is None or len(part[:1000]) <= 1000
 
 
 def _summed(data):

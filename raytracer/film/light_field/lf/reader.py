@@ -208,10 +208,13 @@ def _read_rays(file: Any, path: Path) -> Rays | None:
         return None
     place, value, weight = (checked_array(file, f"rays/{name}", path, axes=axes) for name, axes in _RAYS.items())
     count = len(weight)
+    bundle = checked_array(file, "rays/bundle", path, axes=2) if "bundle" in list_members(file, "rays", path) else None
+    if bundle is not None and bundle.shape != (count, 2):
+        raise InputError(f"{path}: rays/bundle must be of shape {(count, 2)}, not {bundle.shape}")
     if place.shape != (count, 4) or value.shape != (count, 3):
         shapes = ", ".join(str(array.shape) for array in (place, value, weight))
         raise InputError(f"{path}: rays must be of shapes (n, 4), (n, 3) and (n,), not {shapes}")
-    return Rays(place, value, weight)  # type: ignore[arg-type]
+    return Rays(place, value, weight, bundle)  # type: ignore[arg-type]
 
 
 def read_settings(file: Any, path: Path) -> dict[str, str | float | int]:

@@ -171,6 +171,8 @@ class Writer:
     def write_rays(self, rays: Rays) -> None:
         """Write single rays, besides the views."""
         for name, array in rays._asdict().items():
+            if array is None:
+                continue
             shape = tuple(np.shape(array))
             dataset = self._create_dataset(f"rays/{name}", shape, np.dtype("<f8"), (RAYS_PER_TILE, *shape[1:]))
             for start in range(0, len(array), RAYS_PER_TILE):

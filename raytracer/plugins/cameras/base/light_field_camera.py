@@ -110,7 +110,7 @@ class MicrolensArray(NamedTuple):
 
     lattice : of the sub-images.
     cell : of a microlens, a SquareCell or a HexagonCell.
-    spread : a MicrolensBlur; None for pinholes.
+    spread : a MicrolensBlur, or MicrolensKinds; None for pinholes.
     x, y (px) : place of the axis.
     slope, stride : as in `film.light_field.lenslets.Lenslets`.
     """
@@ -173,16 +173,18 @@ class GlassLightFieldCamera(NamedTuple):
 
 
 @optional
-def sample_microlens(spread, grid, draws):
+def sample_microlens(spread, grid, middle_x, middle_y, draws):
     """Draw the point of a microlens that a ray goes through, from its middle (px), and the shift on the main lens (m).
 
     All right and down.
+
+    middle_x, middle_y (px) : of its sub-image.
     """
     return 0.0, 0.0, 0.0, 0.0
 
 
 @sample_microlens.register(MicrolensBlur)
-def sample_microlens_microlens_blur(spread, grid, draws):
+def sample_microlens_microlens_blur(spread, grid, middle_x, middle_y, draws):
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LENS)
     i, j = sample_cell(grid.cell, u1, u2)
     x = i * grid.lattice.along_x + j * grid.lattice.across_x
@@ -205,7 +207,7 @@ def sample_sensor_ray(grid, x, y, draws):
     )
     middle_x = lattice.x + i * lattice.along_x + j * lattice.across_x
     middle_y = lattice.y + i * lattice.along_y + j * lattice.across_y
-    off_x, off_y, moved_x, moved_y = sample_microlens(grid.spread, grid, draws)
+    off_x, off_y, moved_x, moved_y = sample_microlens(grid.spread, grid, middle_x, middle_y, draws)
     right = grid.stride * (x - middle_x) + moved_x
     down = grid.stride * (y - middle_y) + moved_y
     return middle_x + off_x - grid.x, grid.y - middle_y - off_y, right, -down

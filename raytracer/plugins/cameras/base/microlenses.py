@@ -12,9 +12,9 @@ Pizarro, Williams 2013, "Decoding, Calibration and Rectification for Lenselet-Ba
 """
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.lenslets import Lenslets
@@ -31,6 +31,9 @@ PIXELS = 15
 
 _ITERATIONS = 8
 """Rounds in which the spacing of sub-images converges for a given pitch: each leaves a part d / z of the error."""
+
+ThreeFocalLengths = tuple[PositiveLensLength, PositiveLensLength, PositiveLensLength]
+"""Focal lengths of microlenses of three kinds."""
 
 _LEAST_PIXELS, _MOST = 2, 10_000
 _SIZES = ("pixels", "pitch", "count")
@@ -61,10 +64,11 @@ class Microlenses(Spec):
         description="`lens`, thin ones without gaps between them; `pinhole`, holes in their middles, sharp at any "
         "distance, which by convention let as much light through",
     )
-    focal_length: PositiveLensLength | None = Field(
+    focal_length: PositiveLensLength | ThreeFocalLengths | None = Field(
         default=None,
         description="focal length of a microlens (mm); by default that which has the sensor in focus on the main lens, "
-        "with sub-images that just touch",
+        "with sub-images that just touch; three of them for focused hexagonal microlenses of three kinds, interleaved, "
+        "of which the middle one is sharp in the plane of focus",
     )
     distance: PositiveLensLength | None = Field(
         default=None,
@@ -93,9 +97,34 @@ class Microlenses(Spec):
 
     _is_out_of_focus = never(
         "distance",
-        where=lambda lenses: lenses.arrangement == "focused" and lenses.focal_length == lenses.distance,
+        where=lambda lenses: lenses.arrangement == "focused" and lenses.distance in lenses.focal_lengths,
         message="a sensor in the focal plane of the microlenses sees infinity sharp, not the main lens's image",
     )
+
+    @model_validator(mode="after")
+    def _kinds_are_interleaved(self) -> Self:
+        if len(self.focal_lengths) > 1 and (self.arrangement, self.layout, self.model) != (
+            "focused",
+            "hexagonal",
+            "lens",
+        ):
+            field_error(
+                "focal_length",
+                "microlenses of three kinds are interleaved in layout: hexagonal, and need arrangement: focused and "
+                "model: lens",
+            )
+        return self
+
+    @property
+    def focal_lengths(self) -> tuple[float, ...]:
+        """Focal lengths (mm) of the kinds; empty if they are not given."""
+        given = self.focal_length
+        return () if given is None else given if isinstance(given, tuple) else (given,)
+
+    @property
+    def main_focal_length(self) -> float | None:
+        """Focal length (mm) by which the array is placed, the middle one of three; None if it is not given."""
+        return sorted(self.focal_lengths)[len(self.focal_lengths) // 2] if self.focal_lengths else None
 
     def scaled(self, factor: float) -> "Microlenses":
         """Scale the microlenses by a factor, rounding integers, to an arrangement that suits the main lens."""
@@ -106,8 +135,8 @@ class Microlenses(Spec):
             "pixels": max(_LEAST_PIXELS, round(factor * value)),
             "count": max(1, round(value / factor)),
         }
-        own = self.focal_length if self.arrangement == "focused" else None
-        focal_length = None if own is None else factor * own
+        scaled = tuple(factor * own for own in self.focal_lengths) if self.arrangement == "focused" else ()
+        focal_length = scaled if len(scaled) > 1 else (*scaled, None)[0]
         return self.model_copy(update={key: changed[key], "distance": None, "focal_length": focal_length})
 
 
@@ -142,7 +171,7 @@ class Arrangement(NamedTuple):
     image (mm) : distance of the array behind the main lens, for one of glass the thin lens in its place.
     pupil (mm) : distance of the array behind the exit pupil.
     distance (mm) : of the sensor behind the array.
-    focal_length (mm) : of a microlens.
+    focal_length (mm) : of a microlens, of three kinds the middle one's.
     pitch (mm) : of the microlenses.
     spacing (px) : of the sub-images.
     matched (mm) : distance of the sensor at which sub-images would just touch.
@@ -179,7 +208,7 @@ def solve_arrangement(lenses: Microlenses, main: MainLens) -> Arrangement:
     """
     if lenses.arrangement == "focused":
         return _solve_focused(lenses, main)
-    given, focal_length = lenses.distance, lenses.focal_length
+    given, focal_length = lenses.distance, lenses.main_focal_length
     if given is None and focal_length is not None:
         if focal_length >= main.pupil:
             field_error(
@@ -211,7 +240,7 @@ def _solve_plenoptic(lenses: Microlenses, main: MainLens, given: float | None, o
         pixels = float(lenses.pixels or PIXELS)
     matched = pixels * main.pixel * working
     distance = matched if given is None else given
-    focal_length = lenses.focal_length or 1.0 / (1.0 / distance + 1.0 / pupil)
+    focal_length = lenses.main_focal_length or 1.0 / (1.0 / distance + 1.0 / pupil)
     if pixels < _LEAST_PIXELS:
         field_error(
             "pitch" if lenses.pitch is not None else "count",
@@ -227,7 +256,7 @@ def _solve_focused(lenses: Microlenses, main: MainLens) -> Arrangement:
 
     a is how far the array is behind that image, less than 0 before it, where the image is one that would lie main.
     """
-    focal_length = lenses.focal_length
+    focal_length = lenses.main_focal_length
     assert focal_length is not None
     array = _solve_plenoptic(lenses, main, lenses.distance)
     for _round in range(_ITERATIONS):
@@ -270,6 +299,8 @@ def make_lenslets(
     # For microlenses that are sharp on the main lens the blur would be rounding.
     is_sharp = lenses.arrangement == "plenoptic" and None in (lenses.focal_length, lenses.distance)
     is_sharp |= lenses.model == "pinhole"
+    on_array = METRES_PER_MILLIMETRE * array.pitch / array.spacing
+    kinds = [on_array * array._replace(focal_length=own).blur for own in lenses.focal_lengths]
     return Lenslets(
         lattice=_make_lattice(lenses, array, main),
         width=main.width,
@@ -282,7 +313,8 @@ def make_lenslets(
         aperture=METRES_PER_MILLIMETRE * main.diameter,
         focal_length=main.focal_length,
         pose=Pose(frame.origin, frame.right, frame.up, frame.forward),
-        blur=0.0 if is_sharp else METRES_PER_MILLIMETRE * array.pitch / array.spacing * array.blur,
+        blur=0.0 if is_sharp else on_array * array.blur,
+        kinds=tuple(kinds) if len(kinds) > 1 else (),
     )
 
 
