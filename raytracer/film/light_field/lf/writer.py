@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import LightField, Rays
 from raytracer.film.light_field.lf.stored_array import (
     AXES,
+    COVERAGE,
     FORMAT,
     MICROLENSES,
     OPTIONAL_NUMBERS,
@@ -222,6 +223,11 @@ class Writer:
         dataset[...] = position
         _label(dataset, ("v", "u", "axis"))
         _write_string(dataset, "unit", "m")
+        if views.coverage is not None:
+            coverage = np.asarray(views.coverage, dtype="<f8")
+            dataset = self._create_dataset(COVERAGE, coverage.shape, coverage.dtype, coverage.shape)
+            dataset[...] = coverage
+            _label(dataset, ("v", "u"))
 
         # Scales of the axes for other programs; places of views are in `position`, since they need not be on a grid.
         across, down = np.arange(views.width) + 0.5, np.arange(views.height) + 0.5
