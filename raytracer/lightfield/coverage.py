@@ -5,6 +5,8 @@ lack some pixels.  A file's layer `lit` holds these masks (`film.light_field.fie
 the views that lie within the lens are lit.
 """
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,9 +17,14 @@ from raytracer.util.errors import InputError
 
 Mask = NDArray[np.bool_]
 
+Light = TypeVar("Light", np.bool_, np.float64)
+"""Pixels that are lit or not, or the light that they received."""
+
 
 def within_lens(views: Views) -> Mask:
     """Find the views that look through the lens they are behind: bool (rows, columns); all of an array of cameras."""
+    if views.coverage is not None:
+        return np.asarray(views.coverage > 0.0)
     if views.aperture is None:
         return np.ones((views.rows, views.columns), dtype=bool)
     return np.asarray(np.hypot(views.position[..., 0], views.position[..., 1]) <= 0.5 * views.aperture)
@@ -60,8 +67,8 @@ def extrapolate_unlit(values: NDArray[np.float64], lit: Mask) -> NDArray[np.floa
     return np.asarray(values[rows, columns])
 
 
-def lit_at_nearest(lit: Mask, rows: NDArray[np.float64], columns: NDArray[np.float64]) -> Mask:
-    """Look up if the pixels nearest to places are lit: places of any shape, within the view or at its edge."""
+def lit_at_nearest(lit: NDArray[Light], rows: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[Light]:
+    """Look up the light, or if there is any, at the pixels nearest to places, within the view or at its edge."""
     height, width = lit.shape
     row = np.clip(np.rint(rows), 0, height - 1).astype(np.int64)
     column = np.clip(np.rint(columns), 0, width - 1).astype(np.int64)

@@ -43,7 +43,8 @@ def cell_weights(
 ) -> NDArray[np.float64]:
     """Compute the part of each view's cell that an opening covers: float64 (rows, columns), 0 to 1.
 
-    The cell of a view without one of its own reaches half way to its neighbours.
+    The cell of a view without one of its own reaches half way to its neighbours.  Behind a lens whose own opening is
+    not round, no more of a cell counts than that leaves open.
 
     Parameters
     ----------
@@ -56,6 +57,8 @@ def cell_weights(
     InputError : the opening is wider than the lens, or than all views together, or covers no view.
     """
     is_lens = diameter is None
+    if is_lens and views.coverage is not None:
+        return np.array(views.coverage)
     if diameter is None:
         diameter = views.aperture
     if diameter is None:
@@ -81,6 +84,8 @@ def cell_weights(
     right = views.position[..., 0, None, None] + width * inside - center[0]
     up = views.position[..., 1, None, None] + height * inside[:, None] - center[1]
     weights = opening_transmission(right, up, diameter, shape).mean(axis=(-2, -1))
+    if views.coverage is not None:
+        weights = np.minimum(weights, views.coverage)
     if not weights.any():
         away = math.dist(center, (0.0, 0.0))
         raise InputError(f"no view lies within an opening of {1e3 * diameter:.4g} mm, {1e3 * away:.4g} mm off the axis")

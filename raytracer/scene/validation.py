@@ -74,15 +74,15 @@ def bind_camera_files(scene: S, read_file: Callable[[str, Path], Any] | None = N
     SceneError: such a file cannot be read, or does not go together with the camera's keys.
     """
     camera, assets = scene.camera, {}
-    bound = [key for key in camera.bound_fields if getattr(camera, key) is not None]
+    bound = camera.bound_files()
     if not bound:
         return scene
-    for key in bound:
-        kind, path = camera.loads[key], scene.base / getattr(camera, key)
+    for keys, (name, kind) in bound.items():
+        path = scene.base / name
         try:
-            assets[key] = LOADERS[kind](path) if read_file is None else read_file(kind, path)
+            assets[".".join(map(str, keys))] = LOADERS[kind](path) if read_file is None else read_file(kind, path)
         except InputError as error:
-            raise scene.error(str(error), "camera", key) from None
+            raise scene.error(str(error), "camera", *keys) from None
     with scene.errors_at("camera"):
         return scene.model_copy(update={"camera": camera.bind_assets(assets)})
 

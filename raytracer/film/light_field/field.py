@@ -13,7 +13,10 @@ if TYPE_CHECKING:
     from raytracer.film.light_field.posed_views import PosedViews
 
 LIT_LAYER = "lit"
-"""The layer of pixels that received light: 1; and 0 where nothing is known, whatever their radiance is."""
+"""The layer of the light that pixels received.
+
+0 where nothing is known, whatever their radiance is; elsewhere 1, or the fraction of what an unvignetted pixel gets.
+"""
 
 
 class Samples(NamedTuple):
@@ -71,6 +74,11 @@ class FieldArrays:
     def view(self, row: int, column: int) -> NDArray[np.float64]:
         """Read the radiance of a view, float64 (height, width, 3)."""
         return np.asarray(self.radiance[row, column], dtype=np.float64)
+
+    def light(self, row: int, column: int) -> NDArray[np.float64] | None:
+        """Read how much light each pixel of a view received, (height, width), 0 to 1; None as for `lit`."""
+        layer = self.layers.get(LIT_LAYER)
+        return None if layer is None else np.asarray(layer[row, column], dtype=np.float64)
 
     def lit(self, row: int, column: int) -> NDArray[np.bool_] | None:
         """Read which pixels of a view received light, bool (height, width); None for all, or if not known."""

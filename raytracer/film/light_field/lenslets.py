@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import LIT_LAYER, RAYS_LAYER, LightField, Rays, Samples, rays_from_layer
 from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.lenslet_kinds import Bundle, microlens_kinds, sharpness
+from raytracer.film.light_field.openings import OpeningTable, disc_coverage
 from raytracer.film.light_field.resampling import Resampler
 from raytracer.film.light_field.views import Plane, Pose, Views
 
@@ -69,6 +70,7 @@ class Lenslets:
     inverse_focus (1/m) : one over the distance of the plane that is sharp on the sensor; `inverse_distance` for a
         plenoptic camera 1.0, whose sensor is focused on the main lens.
     aperture, focal_length, pose : of the main lens; see `Views`.
+    opening : table of the main lens's opening; None for the disc of the diameter `aperture`.
     blur (m/px) : distance by which the place on the main lens that a pixel sees moves back, per place in the
         microlens that light goes through (of microlenses as large as their sub-images).
     kinds (m/px) : `blur` of microlenses of three kinds; empty for one kind.
@@ -89,6 +91,7 @@ class Lenslets:
     pose: Pose | None = None
     blur: float = 0.0
     kinds: tuple[float, ...] = ()
+    opening: OpeningTable | None = None
 
     @property
     def views(self) -> Views:
@@ -170,9 +173,14 @@ class Lenslets:
 
     def _open_fraction(self, right: FloatArray, down: FloatArray) -> FloatArray:
         """Compute the fraction of the aperture's cell that is open, seen through a pinhole, by place under it (px)."""
-        assert self.aperture is not None
         edge = self.stride
-        return disc_coverage(edge * (right - 0.5), edge * (-down - 0.5), edge, edge, 0.5 * self.aperture)
+        return self._coverage(edge * (right - 0.5), edge * (-down - 0.5), edge)
+
+    def _coverage(self, left: FloatArray, bottom: FloatArray, edge: float) -> FloatArray:
+        """Compute the fraction of squares in the plane of the main lens (m) that its opening covers."""
+        assert self.aperture is not None
+        covered = disc_coverage if self.opening is None else self.opening.coverage
+        return covered(left, bottom, edge, edge, 0.5 * self.aperture)
 
     def _cell_points(self) -> FloatArray:
         """Place points (n, 2) evenly in the cell of the lattice about a microlens, from its middle (px)."""
@@ -259,19 +267,22 @@ class Lenslets:
     ) -> Views:
         """Compute the geometry of count x count views, `step` px of the picture apart, with pixels of size `pixel`."""
         steps = (np.arange(count) - 0.5 * (count - 1)) * step * self.stride
+        position, cell = np.stack(np.meshgrid(steps, -steps), axis=-1), step * self.stride
+        corner = position - 0.5 * cell
         edge = self.slope * pixel
         right = self.slope * (middle[0] - self.middle[0])
         up = self.slope * (self.middle[1] - middle[1])
         return Views(
-            position=np.stack(np.meshgrid(steps, -steps), axis=-1),
+            position=position,
             plane=Plane(edge, right - 0.5 * width * edge, up + 0.5 * height * edge),
             width=width,
             height=height,
             inverse_focus=self.inverse_focus,
-            cell=(step * self.stride, step * self.stride),
+            cell=(cell, cell),
             aperture=self.aperture,
             focal_length=self.focal_length,
             pose=self.pose,
+            coverage=None if self.opening is None else self._coverage(corner[..., 0], corner[..., 1], cell),
         )
 
     def _split_radiance(
@@ -399,28 +410,3 @@ def _sample_bilinear(
             total += share[..., None] * picture[i, j]
             counted += share
     return total, counted
-
-
-def disc_coverage(left: Any, bottom: Any, width: float, height: float, radius: float) -> FloatArray:
-    """Compute the fraction of rectangles that a disc about 0 covers; left and bottom edges are arrays of any shape."""
-    left, bottom = np.broadcast_arrays(np.asarray(left, float), np.asarray(bottom, float))
-    x = np.stack([left, left + width]) / radius
-    y = np.stack([bottom, bottom + height]) / radius
-    area = _disc_below(x[1], y[1]) - _disc_below(x[0], y[1]) - _disc_below(x[1], y[0]) + _disc_below(x[0], y[0])
-    return np.asarray(np.clip(area * (radius / width) * (radius / height), 0.0, 1.0))
-
-
-def _disc_below(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Compute the area of the unit disc to the left of x and below y."""
-    # Between the places where the chord's ends are at the height y, it is cut; beyond them it is whole, or not there.
-    x, y = np.clip(x, -1.0, 1.0), np.clip(y, -1.0, 1.0)
-    turn = np.sqrt(1.0 - y * y)
-
-    def half(t: FloatArray) -> FloatArray:
-        """Integrate sqrt(1 - t^2) from -1 on."""
-        return np.asarray(0.5 * (t * np.sqrt(1.0 - t * t) + np.arcsin(t)) + 0.25 * math.pi)
-
-    inner_end = np.clip(x, -turn, turn)
-    cut = half(inner_end) - half(-turn) + y * (inner_end + turn)
-    outer = 2.0 * (half(np.minimum(x, -turn)) + np.where(x > turn, half(x) - half(turn), 0.0))
-    return np.asarray(cut + np.where(y > 0.0, outer, 0.0))

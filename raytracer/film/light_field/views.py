@@ -57,6 +57,8 @@ class Views:
     aperture (m) : diameter of the lens behind which the views are; None for an array of cameras.
     focal_length (mm) : of that lens, which `alpha` and f-numbers refer to; None if not known.
     pose : in the scene; None if not known.
+    coverage : float64 (rows, columns), part of each view's cell that the lens's opening leaves open, 0 to 1; None where
+        it is the disc of the diameter `aperture`, or there is no lens.
 
     Raises
     ------
@@ -72,6 +74,7 @@ class Views:
     aperture: float | None = None
     focal_length: float | None = None
     pose: Pose | None = None
+    coverage: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         shape = np.shape(self.position)
@@ -79,6 +82,11 @@ class Views:
             raise ValueError(f"position must have the shape (rows, columns, 2), got {shape}")
         if self.width < 1 or self.height < 1:
             raise ValueError(f"views must have pixels, got {self.width} x {self.height}")
+        if self.coverage is not None:
+            if np.shape(self.coverage) != shape[:2]:
+                raise ValueError(f"coverage must have the shape {shape[:2]}, got {np.shape(self.coverage)}")
+            if not ((self.coverage >= 0.0) & (self.coverage <= 1.0)).all():
+                raise ValueError("the coverage of views must be from 0 to 1")
         numbers = [*self.plane, self.inverse_focus, *(self.cell or ()), self.aperture or 0.0, self.focal_length or 0.0]
         numbers += [number for triple in self.pose or () for number in triple]
         if not (np.isfinite(self.position).all() and all(map(math.isfinite, numbers)) and self.plane.pixel > 0.0):

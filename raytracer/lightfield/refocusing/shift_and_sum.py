@@ -130,18 +130,19 @@ class _ViewSum:
             self._rows += (weight * columns.seen)[:, None] * columns.apply(block, start, 1)
             self._count += weight * columns.seen
 
-    def finish_level(self, rows: AxisShift, first: int, lit: NDArray[np.bool_] | None = None) -> None:
-        """Shift the views of this height, rows of pixels from `first` on, vertically, and add them where `lit`."""
+    def finish_level(self, rows: AxisShift, first: int, light: FloatArray | None = None) -> None:
+        """Shift the views of this height, rows of pixels from `first` on, vertically, and add them by their light."""
         if rows.seen.any():
             moved, seen = rows.seen[:, None, None] * rows.apply(self._rows, first, 0), np.outer(rows.seen, self._count)
-            self._sum += moved if lit is None else np.where(lit[..., None], moved, 0.0)
-            self._seen += seen if lit is None else np.where(lit, seen, 0.0)
+            self._sum += moved if light is None else light[..., None] * moved
+            self._seen += seen if light is None else light * seen
 
-    def lit(self, row: int, column: int, lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Look up which pixels of the window are lit in a view, whose mask is `lit`."""
+    def light(self, row: int, column: int, light: FloatArray) -> FloatArray:
+        """Look up the light of the window's pixels in a view, whose own pixels received `light`."""
         right, down = self._shift[row, column]
         rows = np.arange(self._window.top, self._window.bottom) + down
-        return lit_at_nearest(lit, rows[:, None], (np.arange(self._window.left, self._window.right) + right)[None, :])
+        columns = np.arange(self._window.left, self._window.right) + right
+        return lit_at_nearest(light, rows[:, None], columns[None, :])
 
     def mean(self) -> FloatArray:
         """Return the picture: the weighted mean of the views that see each pixel, 0 where none does."""
@@ -176,16 +177,16 @@ def shift_and_sum(
             column_shifts = [picture.shift_columns(row, column) for picture in sums]
             start, stop = _span(column_shifts, views.width)
             block = np.asarray(field.radiance[row, column, first:last, start:stop], dtype=np.float64)
-            lit = field.lit(row, column)
-            if lit is not None:
-                block = extrapolate_unlit(block, lit[first:last, start:stop])
+            light = field.light(row, column)
+            if light is not None:
+                block = extrapolate_unlit(block, light[first:last, start:stop] > 0.0)
             for picture, columns in zip(sums, column_shifts, strict=True):
                 picture.add(weights[row, column], columns, block, start)
             done += 1
             if update is not None:
                 update(done, len(used_views))
         for picture, rows in zip(sums, row_shifts, strict=True):
-            picture.finish_level(rows, first, None if lit is None else picture.lit(*places[0], lit))
+            picture.finish_level(rows, first, None if light is None else picture.light(*places[0], light))
     return [picture.mean() for picture in sums]
 
 
@@ -215,11 +216,13 @@ def warp_and_sum(
         )
         if not within.any():
             continue
-        view, lit = lit_view(field, row, column)
-        if lit is not None:
-            within &= lit_at_nearest(lit, place_y, place_x)
+        view, _ = lit_view(field, row, column)
+        light = field.light(row, column)
+        counts = weights[row, column] * within
+        if light is not None:
+            counts *= lit_at_nearest(light, place_y, place_x)
         for channel in range(3):
             values = map_coordinates(view[..., channel], [place_y, place_x], order=order, mode="nearest")
-            total[..., channel] += weights[row, column] * within * values
-        seen += weights[row, column] * within
+            total[..., channel] += counts * values
+        seen += counts
     return np.divide(total, seen[..., None], out=total, where=seen[..., None] > 0.0)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.core.spectra import FIRST, LAST, spectra
+from raytracer.core.spectra import spectra
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.film_to_direction import build_view_table, fields_of_view, trace_film_rays
 from raytracer.optics.lens_system.ghosts import build_ghost_paths
@@ -25,16 +25,13 @@ from raytracer.optics.lens_system.pupils.transmission import exit_pupil_plane, r
 from raytracer.optics.lens_system.warnings import LENS_WARNINGS, MountedLens
 from raytracer.optics.thin_lens import airy_diameter_um, crop_factor, exposure_value
 from raytracer.plugins.cameras.base.exposed import ExposedSpec
-from raytracer.plugins.cameras.base.glass import PADDING_PIXELS, FocusCriterion, GlassLensSpec
+from raytracer.plugins.cameras.base.glass import PADDING_PIXELS, PUPIL_WAVELENGTHS, FocusCriterion, GlassLensSpec
 from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, Defocus
 from raytracer.plugins.cameras.base.lens_camera import LensCamera, LensFilm, LensFlare
 from raytracer.schema.fields import FNumber
 from raytracer.schema.spec import field_error
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 from raytracer.schema.warning_kind import WarningRecord
-
-_PUPIL_WAVELENGTHS = (FIRST, 500.0, LAST)
-"""Wavelengths (nm) for which the pupil is tabulated: refraction is monotonous between them."""
 
 
 class RealLens(GlassLensSpec):
@@ -168,7 +165,7 @@ class RealLens(GlassLensSpec):
         half = (0.5 * film.width + PADDING_PIXELS * pixel, 0.5 * film.height + PADDING_PIXELS * pixel)
         # For colours of coatings light has a wavelength too.
         is_spectral = surfaces.indices is not None or surfaces.coatings is not None
-        wavelengths = _PUPIL_WAVELENGTHS if surfaces.indices is not None else (LINE_D,)
+        wavelengths = PUPIL_WAVELENGTHS if surfaces.indices is not None else (LINE_D,)
         bare = surfaces._replace(coatings=None)
         try:
             # First the test that finds quickly that no light comes through.

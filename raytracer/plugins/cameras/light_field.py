@@ -14,28 +14,34 @@ In a scene:
 """
 
 import math
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from raytracer.core.spectra import spectra
 from raytracer.film.light_field.focusing import refocusable
 from raytracer.film.light_field.lenslets import Lenslets
+from raytracer.film.light_field.openings import OpeningTable
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.film_to_direction import build_view_table
 from raytracer.optics.lens_system.first_order import exit_pupil
 from raytracer.optics.lens_system.pupils.build import load_pupil_table
+from raytracer.optics.lens_system.pupils.tables import QuadrantPupilTable, RadialPupilTable, pupil_extent
+from raytracer.optics.lens_system.pupils.transmission import exit_pupil_plane
+from raytracer.optics.lens_system.surfaces import aperture_extent
 from raytracer.optics.lens_system.warnings import LENS_WARNINGS, MountedLens
 from raytracer.optics.thin_lens import airy_diameter_um, field_of_view
-from raytracer.plugins.cameras.base.glass import PADDING_PIXELS, GlassLensSpec
+from raytracer.plugins.cameras.base.glass import PADDING_PIXELS, PUPIL_WAVELENGTHS, GlassLensSpec
 from raytracer.plugins.cameras.base.ideal import IdealLensSpec
 from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, Defocus
 from raytracer.plugins.cameras.base.light_field_camera import (
+    Crosstalk,
     GlassLightFieldCamera,
     HexagonCell,
     LightFieldCamera,
     MicrolensArray,
     SquareCell,
+    pack_crosstalk,
     pack_lattice,
 )
 from raytracer.plugins.cameras.base.microlens_kinds import describe_sharpness, pack_spread
@@ -87,6 +93,12 @@ class LightField(GlassLensSpec, IdealLensSpec):
     Camera", Stanford CTSR 2005-02; Lumsdaine, Georgiev 2009, "The Focused Plenoptic Camera", ICCP.
     """
 
+    # Which views are lit, and by how much, is a matter of the opening's shape.
+    bound_fields: ClassVar[tuple[str, ...]] = ("lens", "aperture_shape")
+
+    _opening_assets: Assets = PrivateAttr(default_factory=dict)
+    _opening_table: OpeningTable | None = PrivateAttr(default=None)
+
     type: Literal["light_field"] = "light_field"
     lens: str | None = Field(
         default=None,
@@ -121,6 +133,18 @@ class LightField(GlassLensSpec, IdealLensSpec):
                 "f_number", f"microlenses tell apart the parts of an opening, and there is none: {self.aperture_hint}"
             )
         return self
+
+    def bind_assets(self, assets: Assets) -> Self:
+        bound = super().bind_assets(assets).model_copy()
+        bound._opening_assets = assets
+        return bound
+
+    def _opening(self) -> OpeningTable | None:
+        """Return the table of the main lens's opening; None for a round one."""
+        if self._opening_table is None and self.aperture_shape is not None:
+            shape = self.pack_shape(self._opening_assets)
+            self._opening_table = None if shape is None else OpeningTable(shape)
+        return self._opening_table
 
     def has_scale(self) -> bool:
         return self.lens is not None or super().has_scale()
@@ -185,7 +209,7 @@ class LightField(GlassLensSpec, IdealLensSpec):
     def lenslets(self, width: int, height: int) -> Lenslets:
         """Lay out the sub-images of a film of width x height pixels."""
         array, main = self.arrangement(width, height), self.main_lens(width, height)
-        return make_lenslets(self.microlenses, array, main, self.frame(), self.plane_of_focus())
+        return make_lenslets(self.microlenses, array, main, self.frame(), self.plane_of_focus(), self._opening())
 
     def layout(self, width: int, height: int) -> Lenslets | None:
         lenslets = self.lenslets(width, height)
@@ -252,8 +276,9 @@ class LightField(GlassLensSpec, IdealLensSpec):
         array, lenslets = self.arrangement(width, height), self.lenslets(width, height)
         cell = HexagonCell() if self.microlenses.layout == "hexagonal" else SquareCell()
         spread = None if self.microlenses.model == "pinhole" else pack_spread(lenslets)
+        crosstalk = self._pack_crosstalk(lenslets, width, height, assets) if self.microlenses.crosstalk else None
         grid = MicrolensArray(
-            pack_lattice(lenslets.lattice), cell, spread, *lenslets.middle, lenslets.slope, lenslets.stride
+            pack_lattice(lenslets.lattice), cell, spread, crosstalk, *lenslets.middle, lenslets.slope, lenslets.stride
         )
         if self.lens is not None:
             return self._pack_glass(array, grid, lenslets, width, height, assets)
@@ -262,6 +287,42 @@ class LightField(GlassLensSpec, IdealLensSpec):
         lens = lens._replace(inverse_focus=lenslets.inverse_distance)
         thin = _thin_defocus(self.main_lens(width, height), height, lenslets)
         return LightFieldCamera(self.frame(), lens, grid, self._pack_irradiance(array), thin)
+
+    def _pack_crosstalk(self, lenslets: Lenslets, width: int, height: int, assets: Assets) -> Crosstalk:
+        """Pack the crosstalk: how far from the middle of a sub-image light of its microlens falls."""
+        main = self.main_lens(width, height)
+        reach = 0.5e-3 * main.diameter * aperture_extent(self.pack_shape(assets))
+        if self.lens is not None:
+            # Light comes through a part of the exit pupil's plane, which is its image near the axis alone.
+            setting, half = self.lens_setup(), self._padded_half(main)
+            pupils = self._load_pupils(half, spectral=self.dispersion is not False)
+            plane = exit_pupil_plane(setting.surfaces, setting.film)
+            extent = pupil_extent(pupils, main.pupil / (setting.film - plane))
+            reach = extent * METRES_PER_MILLIMETRE * main.image / main.pupil
+        lattice = lenslets.lattice
+        # No place of a cell is farther from its middle than a step.
+        step = max(math.hypot(*lattice.along), math.hypot(*lattice.across))
+        blur = max(map(abs, (lenslets.blur, *lenslets.kinds)))
+        return pack_crosstalk(lattice, (reach + blur * step) / lenslets.stride)
+
+    def _padded_half(self, main: MainLens) -> tuple[float, float]:
+        """Return half of the film's size, with room for filters (mm)."""
+        padding = PADDING_PIXELS * main.pixel
+        return 0.5 * main.film.width + padding, 0.5 * main.film.height + padding
+
+    def _load_pupils(
+        self, half: tuple[float, float], *, spectral: bool = False
+    ) -> RadialPupilTable | QuadrantPupilTable:
+        """Load the table of the exit pupils of a lens of glass, for light of the d line or of all wavelengths."""
+        setting, lens = self.lens_setup(), self.glass()
+        surfaces, wavelengths = setting.surfaces, [LINE_D]
+        if spectral:
+            surfaces = lens.packed(stop_radius=setting.stop_radius, shift=setting.shift, coatings=False)
+            wavelengths = list(PUPIL_WAVELENGTHS) if surfaces.indices is not None else wavelengths
+        try:
+            return load_pupil_table(surfaces, setting.film, half, wavelengths, is_round=lens.is_round())
+        except ValueError as error:
+            field_error("lens", str(error))
 
     def _pack_irradiance(self, array: Arrangement) -> Irradiance | FlatPupil | None:
         """Pack the weight of rays through a microlens; None where the sensor gathers radiance."""
@@ -286,12 +347,7 @@ class LightField(GlassLensSpec, IdealLensSpec):
             coatings=False,
         )
         main = self.main_lens(width, height)
-        pixel = main.film.height / height
-        half = (0.5 * main.film.width + PADDING_PIXELS * pixel, 0.5 * main.film.height + PADDING_PIXELS * pixel)
-        try:
-            pupils = load_pupil_table(setting.surfaces, setting.film, half, (LINE_D,), is_round=self.glass().is_round())
-        except ValueError as error:
-            field_error("lens", str(error))
+        pupils = self._load_pupils(self._padded_half(main))
         return GlassLightFieldCamera(
             frame=self.frame(),
             surfaces=surfaces,

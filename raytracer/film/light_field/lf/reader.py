@@ -12,6 +12,7 @@ from raytracer.film.light_field.field import LightField, Rays, Samples
 from raytracer.film.light_field.lf.stored_array import (
     AXES,
     CACHE_BYTES,
+    COVERAGE,
     FORMAT,
     MICROLENSES,
     NUMBERS,
@@ -148,6 +149,7 @@ def read_light_field(file: Any, path: Path) -> OpenField:
     if position.shape != (rows, columns, 2):
         raise InputError(f"{path}: position must be of shape {(rows, columns, 2)} as radiance is, not {position.shape}")
 
+    coverage = checked_array(file, COVERAGE, path, axes=2) if find_object(file, COVERAGE, path) else None
     cell, pose = read_numbers(file, "cell", path, (2,)), read_numbers(file, "pose", path, (4, 3))
     if pose is not None and not np.isfinite(pose).all():
         raise InputError(f"{path}: its pose must be of finite numbers")
@@ -164,6 +166,7 @@ def read_light_field(file: Any, path: Path) -> OpenField:
             aperture=None if aperture is None else float(aperture),
             focal_length=None if focal_length is None else float(focal_length),
             pose=None if pose is None else Pose.of(pose),
+            coverage=None if coverage is None else np.asarray(coverage, dtype=np.float64),
         )
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error

@@ -45,6 +45,7 @@ DEFLATE_MARGIN = 64
 
 RADIANCE = "radiance"
 MICROLENSES = "microlenses"
+COVERAGE = "coverage"
 AXES = ("v", "u", "t", "s", "channel")
 NUMBERS = ("pixel", "left", "top", "inverse_focus")
 OPTIONAL_NUMBERS = ("aperture", "focal_length")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import LightField, Rays
 from raytracer.film.light_field.lf.stored_array import (
     AXES,
+    COVERAGE,
     FORMAT,
     MICROLENSES,
     OPTIONAL_NUMBERS,
@@ -235,6 +236,8 @@ class Writer:
         for name, unit in UNITS.items():
             _write_string(file, f"{name}_unit", unit)
         self._write_array("position", views.position, ("v", "u", "axis"), "m")
+        if views.coverage is not None:
+            self._write_array(COVERAGE, views.coverage, ("v", "u"))
 
         # Scales of the axes for other programs; places of views are in `position`, since they need not be on a grid.
         across, down = np.arange(views.width) + 0.5, np.arange(views.height) + 0.5
@@ -244,12 +247,15 @@ class Writer:
             file[axis].make_scale(axis)
             _write_string(file[axis], "unit", "tangent")
 
-    def _write_array(self, name: str, numbers: NDArray[np.float64], labels: tuple[str, ...], unit: str) -> None:
+    def _write_array(
+        self, name: str, numbers: NDArray[np.float64], labels: tuple[str, ...], unit: str | None = None
+    ) -> None:
         """Write numbers of the geometry in one tile."""
         dataset = self._create_dataset(name, numbers.shape, np.dtype("<f8"), numbers.shape)
         dataset[...] = numbers
         _label(dataset, labels)
-        _write_string(dataset, "unit", unit)
+        if unit is not None:
+            _write_string(dataset, "unit", unit)
 
     def _describe_microlenses(self, places: NDArray[np.float64]) -> None:
         """Write the places of the microlenses, and create the dataset of their samples."""

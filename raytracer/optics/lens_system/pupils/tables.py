@@ -1,7 +1,8 @@
 """Packed tables of pupils, and the kernels that sample points of them."""
 
 import math
-from typing import NamedTuple
+from functools import singledispatch
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,32 @@ class QuadrantPupilTable(NamedTuple):
     ellipses: Points
     per_mm_x: float
     per_mm_y: float
+
+
+@singledispatch
+def pupil_extent(pupils: Any, along: float) -> float:
+    """Find the greatest distance from the axis (mm) at which light to the film crosses a plane before it.
+
+    along : distance of that plane from the film, over that of the plane of the pupils.
+    """
+    raise NotImplementedError(type(pupils))
+
+
+@pupil_extent.register
+def pupil_extent_radial_pupil_table(pupils: RadialPupilTable, along: float) -> float:
+    radius = np.arange(len(pupils.ellipses)) / pupils.per_mm
+    middle, *halves = pupils.ellipses.T
+    extent = np.abs(radius + along * (middle - radius)) + along * np.maximum(*halves)
+    return float(extent[radius < pupils.edge].max())
+
+
+@pupil_extent.register
+def pupil_extent_quadrant_pupil_table(pupils: QuadrantPupilTable, along: float) -> float:
+    up, across = (np.arange(size) for size in pupils.ellipses.shape[:2])
+    places = np.stack(np.meshgrid(across / pupils.per_mm_x, up / pupils.per_mm_y), axis=-1)
+    middle, halves = pupils.ellipses[..., :2], pupils.ellipses[..., 2:]
+    extent = np.linalg.norm(places + along * (middle - places), axis=-1) + along * halves.max(axis=-1)
+    return float(extent[(halves > 0.0).all(axis=-1)].max())
 
 
 @generic

@@ -8,7 +8,7 @@ from pydantic import PrivateAttr
 from raytracer.core.compiler.dispatch import kernel, optional
 from raytracer.core.sampling import sample_1d
 from raytracer.core.simd import load, sqrt_lanes, store
-from raytracer.core.spectra import Spectra, sample_hero_wavelength
+from raytracer.core.spectra import FIRST, LAST, Spectra, sample_hero_wavelength
 from raytracer.core.vec import add, madd, scale
 from raytracer.optics.lens_system import packets
 from raytracer.optics.lens_system.focusing import film_position
@@ -23,6 +23,9 @@ FocusCriterion: TypeAlias = Literal["marginal", "rms"]
 
 PADDING_PIXELS = 8
 """Pixels by which the film for which pupils are tabulated is larger than the picture: filters reach out of it."""
+
+PUPIL_WAVELENGTHS = (FIRST, 500.0, LAST)
+"""Wavelengths (nm) for which the pupil is tabulated: refraction is monotonous between them."""
 
 
 class GlassLensSpec(FocusedSpec):

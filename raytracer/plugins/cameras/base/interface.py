@@ -42,7 +42,7 @@ class CameraSpec(Spec):
     """Base of the cameras."""
 
     bound_fields: ClassVar[tuple[str, ...]] = ()
-    """Keys of `loads` whose files the camera's numbers depend on, so that they are read when a scene is checked."""
+    """Keys whose files the camera's numbers depend on, so that they are read when a scene is checked."""
 
     type: str
     medium: Name | None = Field(
@@ -155,6 +155,10 @@ class CameraSpec(Spec):
             radiometric=self.is_radiometric(),
             base_iso=None if sensor is None else sensor.base_iso,
         )
+
+    def bound_files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
+        """Return the files of `files` that the camera's numbers depend on."""
+        return {keys: file for keys, file in self.files().items() if keys[0] in self.bound_fields}
 
     def bind_assets(self, assets: Assets) -> "CameraSpec":
         """Return the camera with the contents of those files that its numbers depend on; itself without such files.

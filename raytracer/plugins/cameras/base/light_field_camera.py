@@ -4,8 +4,8 @@ import math
 from typing import Any, NamedTuple
 
 from raytracer.core.compiler.dispatch import generic, kernel, optional
-from raytracer.core.sampling import sample_2d
-from raytracer.core.simd import store
+from raytracer.core.sampling import sample_1d, sample_2d
+from raytracer.core.simd import load, store
 from raytracer.core.vec import add, madd, normalize, scale
 from raytracer.film.light_field.lattice import Lattice
 from raytracer.optics.lens_system import packets
@@ -105,12 +105,34 @@ class MicrolensBlur(NamedTuple):
     blur: float
 
 
+class Crosstalk(NamedTuple):
+    """Light that comes to a place of the sensor through any microlens near it.
+
+    reach (px) : distance from the middle of a sub-image beyond which no light of its microlens falls.
+    rings : number of neighbours on each side, in steps of the lattice, among which all within that reach are.
+    """
+
+    reach: float
+    rings: int
+
+
+def pack_crosstalk(lattice: Lattice, reach: float) -> Crosstalk:
+    """Pack the crosstalk of sub-images that light falls on up to `reach` from their middles (px)."""
+    (ax, ay), (bx, by) = lattice.along, lattice.across
+    area = abs(ax * by - ay * bx)
+    # A step of the lattice leads at least this far from its other direction.  The place lies within a step of the node
+    # that the count starts from.
+    least = area / max(math.hypot(ax, ay), math.hypot(bx, by))
+    return Crosstalk(reach, math.ceil(reach / least) + 1)
+
+
 class MicrolensArray(NamedTuple):
     """Packed microlenses before a sensor; lengths on it are pixels of sub-images.
 
     lattice : of the sub-images.
     cell : of a microlens, a SquareCell or a HexagonCell.
     spread : a MicrolensBlur, or MicrolensKinds; None for pinholes.
+    crosstalk : a Crosstalk; None where each pixel sees through its own microlens alone.
     x, y (px) : place of the axis.
     slope, stride : as in `film.light_field.lenslets.Lenslets`.
     """
@@ -118,6 +140,7 @@ class MicrolensArray(NamedTuple):
     lattice: PackedLattice
     cell: Any
     spread: Any
+    crosstalk: Any
     x: float
     y: float
     slope: float
@@ -193,30 +216,92 @@ def sample_microlens_microlens_blur(spread, grid, middle_x, middle_y, draws):
 
 
 @kernel
+def sub_image_middle(lattice, i, j):
+    """Return the middle of a sub-image (px), right and down."""
+    return (
+        lattice.x + i * lattice.along_x + j * lattice.across_x,
+        lattice.y + i * lattice.along_y + j * lattice.across_y,
+    )
+
+
+@optional
+def choose_microlens(crosstalk, grid, x, y, i, j, draws):
+    """Choose the microlens by which light comes to a place: the middle of its sub-image (px), and the ray's weight.
+
+    i, j : of the microlens whose sub-image the place is part of, in steps of the lattice.
+    """
+    middle_x, middle_y = sub_image_middle(grid.lattice, i, j)
+    return middle_x, middle_y, 1.0
+
+
+@choose_microlens.register(Crosstalk)
+def choose_microlens_crosstalk(crosstalk, grid, x, y, i, j, draws):
+    square, rings = crosstalk.reach * crosstalk.reach, crosstalk.rings
+    count = 0
+    for right in range(-rings, rings + 1):
+        for down in range(-rings, rings + 1):
+            middle_x, middle_y = sub_image_middle(grid.lattice, i + right, j + down)
+            count += int((x - middle_x) ** 2 + (y - middle_y) ** 2 <= square)
+
+    # One of those that can send light there, all with the same probability.
+    drawn = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + interface.GHOST)
+    wanted = min(int(drawn * count), count - 1)
+    chosen_x, chosen_y = sub_image_middle(grid.lattice, i, j)
+    number = 0
+    for right in range(-rings, rings + 1):
+        for down in range(-rings, rings + 1):
+            middle_x, middle_y = sub_image_middle(grid.lattice, i + right, j + down)
+            if (x - middle_x) ** 2 + (y - middle_y) ** 2 <= square:
+                if number == wanted:
+                    chosen_x, chosen_y = middle_x, middle_y
+                number += 1
+    return chosen_x, chosen_y, float(count)
+
+
+@optional
+def keep_choice(crosstalk, rows, lane, weight):
+    """Note the weight of a lane's microlens until its packet starts."""
+
+
+@keep_choice.register(Crosstalk)
+def keep_choice_crosstalk(crosstalk, rows, lane, weight):
+    rows[packets.FREE, lane] = weight
+
+
+@optional
+def weigh_choice(crosstalk, rows):
+    """Multiply the weights of a packet by those of its microlenses."""
+
+
+@weigh_choice.register(Crosstalk)
+def weigh_choice_crosstalk(crosstalk, rows):
+    store(rows, packets.WEIGHT, load(rows, packets.WEIGHT) * load(rows, packets.FREE))
+
+
+@kernel
 def sample_sensor_ray(grid, x, y, draws):
     """Draw the path by which light comes to a place of the sensor.
 
     Returns
     -------
-    Its points on the array, right and up from the axis (px), and on the main lens, right and up (m).
+    Its points on the array, right and up from the axis (px), and on the main lens, right and up (m); and its weight.
     """
     lattice = grid.lattice
     from_x, from_y = x - lattice.x, y - lattice.y
     i, j = nearest_node(
         grid.cell, lattice.i_x * from_x + lattice.i_y * from_y, lattice.j_x * from_x + lattice.j_y * from_y
     )
-    middle_x = lattice.x + i * lattice.along_x + j * lattice.across_x
-    middle_y = lattice.y + i * lattice.along_y + j * lattice.across_y
+    middle_x, middle_y, weight = choose_microlens(grid.crosstalk, grid, x, y, i, j, draws)
     off_x, off_y, moved_x, moved_y = sample_microlens(grid.spread, grid, middle_x, middle_y, draws)
     right = grid.stride * (x - middle_x) + moved_x
     down = grid.stride * (y - middle_y) + moved_y
-    return middle_x + off_x - grid.x, grid.y - middle_y - off_y, right, -down
+    return middle_x + off_x - grid.x, grid.y - middle_y - off_y, right, -down, weight
 
 
 @interface.camera_ray.register(LightFieldCamera)
 def camera_ray_light_field_camera(camera, x, y, time, draws):
     frame, lens = camera.frame, camera.lens
-    array_x, array_y, right, up = sample_sensor_ray(camera.grid, x, y, draws)
+    array_x, array_y, right, up, choice = sample_sensor_ray(camera.grid, x, y, draws)
     slope_x, slope_y = camera.grid.slope * array_x, camera.grid.slope * array_y
     shift = add(scale(right, frame.right), scale(up, frame.up))
     direction = add(add(scale(slope_x, frame.right), scale(slope_y, frame.up)), frame.forward)
@@ -225,7 +310,7 @@ def camera_ray_light_field_camera(camera, x, y, time, draws):
     passes *= rim_visibility(
         lens.rim, right, up, slope_x - lens.inverse_focus * right, slope_y - lens.inverse_focus * up
     )
-    weight = passes * irradiance_weight(camera.irradiance, direction, shift, towards)
+    weight = choice * passes * irradiance_weight(camera.irradiance, direction, shift, towards)
     return add(frame.origin, shift), normalize(towards), weight
 
 
@@ -236,7 +321,8 @@ def packet_rays_glass_light_field_camera(camera):
 
 @interface.set_lane.register(GlassLightFieldCamera)
 def set_lane_glass_light_field_camera(camera, rows, lane, x, y, draws):
-    array_x, array_y, right, up = sample_sensor_ray(camera.grid, x, y, draws)
+    array_x, array_y, right, up, choice = sample_sensor_ray(camera.grid, x, y, draws)
+    keep_choice(camera.grid.crosstalk, rows, lane, choice)
     # The picture lies upside down behind the lens.
     place_x, place_y = -camera.edge * array_x, -camera.edge * array_y
     rows[packets.ORIGIN, lane], rows[packets.ORIGIN + 1, lane] = place_x, place_y
@@ -249,6 +335,7 @@ def set_lane_glass_light_field_camera(camera, rows, lane, x, y, draws):
 def trace_lanes_glass_light_field_camera(camera, rows):
     square = start_film_rays(rows, camera.z, camera.behind)
     store(rows, packets.WEIGHT, camera.gain * (square * square))
+    weigh_choice(camera.grid.crosstalk, rows)
     packets.trace_packet(camera.surfaces, rows)
 
 

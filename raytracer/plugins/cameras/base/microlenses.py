@@ -18,6 +18,7 @@ from pydantic import Field, model_validator
 
 from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.lenslets import Lenslets
+from raytracer.film.light_field.openings import OpeningTable
 from raytracer.film.light_field.views import Pose, Views
 from raytracer.optics.sensor_formats import SensorSize
 from raytracer.plugins.cameras.base.placement import CameraFrame
@@ -79,6 +80,11 @@ class Microlenses(Spec):
         default="plenoptic",
         description="`plenoptic` (1.0), the microlenses lie in the image of the plane of focus and show the main lens; "
         "`focused` (2.0), they lie before or behind that image, and show it sharply on the sensor",
+    )
+    crosstalk: bool = Field(
+        default=False,
+        description="whether light also falls under the neighbours of the microlens that it goes through, where the "
+        "sub-images overlap; else each pixel sees through its own microlens alone",
     )
     rotation: Angle = Field(
         default=0.0, description="angle (deg) by which the array is turned to the left in the picture, about its middle"
@@ -290,9 +296,17 @@ _ROW = math.sqrt(3.0) / 2.0
 
 
 def make_lenslets(
-    lenses: Microlenses, array: Arrangement, main: MainLens, frame: CameraFrame, plane_of_focus: float
+    lenses: Microlenses,
+    array: Arrangement,
+    main: MainLens,
+    frame: CameraFrame,
+    plane_of_focus: float,
+    opening: OpeningTable | None = None,
 ) -> Lenslets:
-    """Lay out the sub-images of a camera whose plane of focus is at a distance (m)."""
+    """Lay out the sub-images of a camera whose plane of focus is at a distance (m).
+
+    opening : table of the main lens's opening; None for a round one.
+    """
     pixel, sharp = METRES_PER_MILLIMETRE * main.film.height / main.height, 1.0 / plane_of_focus
     # The plane that the microlenses see: by 1/F = 1/f - 1/z, turned to the side of the scene by the pupils' sizes.
     moved = (1.0 / main.image - 1.0 / array.image) / METRES_PER_MILLIMETRE
@@ -315,6 +329,7 @@ def make_lenslets(
         pose=Pose(frame.origin, frame.right, frame.up, frame.forward),
         blur=0.0 if is_sharp else on_array * array.blur,
         kinds=tuple(kinds) if len(kinds) > 1 else (),
+        opening=opening,
     )
 
 
