@@ -26,7 +26,7 @@ from raytracer.lightfield.depth.estimate import (
     median_spacing,
     view_offsets,
 )
-from raytracer.lightfield.depth.sweep_kernels import add_differences, smooth_costs
+from raytracer.lightfield.kernels.plane_sweep import add_differences, smooth_costs
 from raytracer.lightfield.splines import Spline, seen_part, spline_weights, sqrt_tone
 
 _BUDGET = 256 * 2**20
