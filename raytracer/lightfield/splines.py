@@ -16,6 +16,11 @@ class Spline:
     """Spline through the pixels of a picture; beyond its edges the picture is mirrored, and marked as not seen.
 
     picture : (height, width) or (height, width, channels).
+
+    Attributes
+    ----------
+    coefficients : of the splines, float64 (channels, height, width).
+    shape : height and width.
     """
 
     def __init__(self, picture: NDArray[np.float64]) -> None:
@@ -24,18 +29,15 @@ class Spline:
         planes = np.moveaxis(np.atleast_3d(np.asarray(picture, dtype=np.float64)), 2, 0)
         self.is_flat = np.ndim(picture) == 2
         self.shape: tuple[int, int] = (planes.shape[1], planes.shape[2])
-        self._planes = np.stack([ndimage.spline_filter(plane, order=3, mode="mirror") for plane in planes])
+        self.coefficients = np.stack([ndimage.spline_filter(plane, order=3, mode="mirror") for plane in planes])
 
     def shifted(self, right: float, down: float) -> tuple[NDArray[np.float64], tuple[slice, slice]]:
         """Shift the picture: that at (y + down, x + right) comes to (y, x).
 
         Returns it, of the same shape, and the slices of its rows and columns that are seen (empty for none).
         """
-        height, width = self.shape
-        moved = _along(_along(self._planes, right, 2), down, 1)
-        rows = slice(max(0, math.ceil(-down)), max(0, min(height, math.floor(height - 1 - down) + 1)))
-        columns = slice(max(0, math.ceil(-right)), max(0, min(width, math.floor(width - 1 - right) + 1)))
-        return self._formed(moved), (rows, columns)
+        moved = _along(_along(self.coefficients, right, 2), down, 1)
+        return self._formed(moved), seen_part(self.shape, right, down)
 
     def at(
         self, down: NDArray[np.float64], right: NDArray[np.float64]
@@ -49,7 +51,10 @@ class Spline:
         height, width = self.shape
         places = np.stack([down, right])
         values = np.stack(
-            [ndimage.map_coordinates(plane, places, order=3, mode="mirror", prefilter=False) for plane in self._planes]
+            [
+                ndimage.map_coordinates(plane, places, order=3, mode="mirror", prefilter=False)
+                for plane in self.coefficients
+            ]
         )
         # The outer half of a pixel at the edge is within, too.
         is_seen = (down >= -0.5) & (down <= height - 0.5) & (right >= -0.5) & (right <= width - 0.5)
@@ -60,20 +65,30 @@ class Spline:
         return planes[0] if self.is_flat else np.moveaxis(planes, 0, -1)
 
 
-def _along(planes: NDArray[np.float64], shift: float, axis: int) -> NDArray[np.float64]:
-    """Evaluate a spline of given coefficients at each index plus `shift` along an axis."""
-    size = planes.shape[axis]
-    whole = math.floor(shift)
-    part = shift - whole
-    # The four values of the cubic B-spline around the place.
-    weights = (
+def seen_part(shape: tuple[int, int], right: float, down: float) -> tuple[slice, slice]:
+    """Return the slices of rows and columns at which a shifted picture of this shape is seen (empty for none)."""
+    height, width = shape
+    rows = slice(max(0, math.ceil(-down)), max(0, min(height, math.floor(height - 1 - down) + 1)))
+    columns = slice(max(0, math.ceil(-right)), max(0, min(width, math.floor(width - 1 - right) + 1)))
+    return rows, columns
+
+
+def spline_weights(part: float) -> tuple[float, float, float, float]:
+    """Compute the four values of the cubic B-spline around a place that is `part` of the way between two pixels."""
+    return (
         (1.0 - part) ** 3 / 6.0,
         (4.0 - 6.0 * part**2 + 3.0 * part**3) / 6.0,
         (1.0 + 3.0 * part + 3.0 * part**2 - 3.0 * part**3) / 6.0,
         part**3 / 6.0,
     )
+
+
+def _along(planes: NDArray[np.float64], shift: float, axis: int) -> NDArray[np.float64]:
+    """Evaluate a spline of given coefficients at each index plus `shift` along an axis."""
+    size = planes.shape[axis]
+    whole = math.floor(shift)
     total = np.zeros_like(planes)
-    for number, weight in enumerate(weights):
+    for number, weight in enumerate(spline_weights(shift - whole)):
         if weight != 0.0:
             total += weight * _from(planes, whole - 1 + number, size, axis)
     return total

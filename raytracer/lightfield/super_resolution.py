@@ -18,15 +18,20 @@ References: Irani, Peleg 1991, "Improving Resolution by Image Registration"; Ela
     and Assessment of Statistical Predictions".
 """
 
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Views
-from raytracer.lightfield.coverage import lit_at_nearest, lit_view, within_lens
+from raytracer.lightfield.coverage import lit_view, within_lens
 from raytracer.lightfield.depth.depth_map import Depth, depth_map
+from raytracer.lightfield.kernels.super_resolution import add_samples, find_places, multiply, reject_samples, spread
 from raytracer.lightfield.splines import Spline, sqrt_tone
-from raytracer.lightfield.views.synthesis import pixel_shifts
 from raytracer.util.errors import InputError
 from raytracer.util.progress import Update, report_progress
 
@@ -43,11 +48,11 @@ _ITERATIONS, _TOLERANCE = 40, 1e-4
 """Most iterations of conjugate gradients, and the residual, as a share of the right side, at which they end: less than
 eight bits resolve."""
 
-_STEPS = 4
-"""Steps of the search for a pixel's place, each of which divides its error by the depth's slope."""
+_NEIGHBOURS = 5
+"""Products of neighbours' weights: with itself, the one to the right, and three below; they are symmetric."""
 
-_NEIGHBOURS = ((0, 0), (0, 1), (1, -1), (1, 0), (1, 1))
-"""Rows down and columns right of neighbours: one of each two opposite directions, since products are symmetric."""
+_MOST_PIECES = 16
+"""Most pieces of a view's samples, and bands of the picture, that threads share."""
 
 _SIGMAS = 3.0
 """Standard deviations of the noise: values farther outside the range around a pixel in the middle view are of another
@@ -71,7 +76,7 @@ def supersampled(
     ----------
     factor : 2, 3 or 4.
     depth : of the view; default: estimated first, by `depth_map`.
-    threads : that estimate the depth; default: all.
+    threads : that share the work; default: all.
     update : called with the work that is done, and with all of it.
 
     Raises
@@ -80,46 +85,99 @@ def supersampled(
     """
     if not 2 <= factor <= _MOST_FACTOR:
         raise InputError(f"views can have 2 to {_MOST_FACTOR} times as many pixels along a side, got {factor}")
-    if depth is None:
-        depth = depth_map(field, threads=threads, update=update)
-    views = field.views
-    middle, lit = lit_view(field, depth.row, depth.column)
-    bounds = _ValueBounds(middle, lit)
-    halves = [_NormalEquations(views.height, views.width, factor) for _ in range(2)]
-    indices = np.argwhere(within_lens(views)).tolist()
-    for row, column in report_progress(indices, update):
-        offset = views.position[row, column] - views.position[depth.row, depth.column]
-        values, rows, columns, is_lit = _read_samples(field, row, column)
-        places = _to_depth_view(depth, views, offset, rows, columns)
-        # Neighbours are in different halves; the middle view is in that which is solved for.
-        half = halves[(row + column - depth.row - depth.column) % 2]
-        half.add(values, *places, is_lit & bounds.contain(values, *places))
-    start = upsample_cubic(middle, factor)
-    prior = _best_prior(halves[0], halves[1], start)
-    both = halves[0].combined(halves[1])
-    picture = both.solve(start, prior)
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        if depth is None:
+            depth = depth_map(field, threads=threads, update=update)
+        middle, lit = lit_view(field, depth.row, depth.column)
+        halves = _add_views(field, depth, _value_bounds(middle, lit), factor, pool, update)
+        start = upsample_cubic(middle, factor)
+        prior = _best_prior(halves[0], halves[1], start, pool)
+        both = halves[0].combined(halves[1])
+        picture = both.solve(start, prior, pool)
     if lit is not None:
         # Neither the middle view nor any other has seen the rest.
         picture[~(both.known() | np.kron(lit, np.ones((factor, factor), dtype=bool)))] = 0.0
     return picture
 
 
-def _read_samples(
-    field: LightField, row: int, column: int
-) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Read the samples of a view: those of its microlenses where they are known, or else its pixels.
+def _add_views(
+    field: LightField,
+    depth: Depth,
+    bounds: FloatArray,
+    factor: int,
+    pool: ThreadPoolExecutor,
+    update: Update | None,
+) -> "list[_NormalEquations]":
+    """Add the samples of all views to the normal equations of two halves of the views."""
+    views = field.views
+    halves = [_NormalEquations(views.height, views.width, factor) for _ in range(2)]
+    indices = np.argwhere(within_lens(views)).tolist()
+    # The next view is read meanwhile.
+    ahead = pool.submit(_read_samples, field, *indices[0])
+    for number, (row, column) in enumerate(report_progress(indices, update)):
+        samples = ahead.result()
+        if number + 1 < len(indices):
+            ahead = pool.submit(_read_samples, field, *indices[number + 1])
+        offset = views.position[row, column] - views.position[depth.row, depth.column]
+        places = _find_places(depth, views, offset, samples, bounds, pool)
+        # Neighbours are in different halves; the middle view is in that which is solved for.
+        half = halves[(row + column - depth.row - depth.column) % 2]
+        half.add(samples.value, places, samples.is_own, pool)
+    return halves
 
-    Values (n, 3), rows and columns of their places in the view (px, n), and which are lit (n).
+
+def _find_places(
+    depth: Depth,
+    views: Views,
+    offset: NDArray[np.float64],
+    samples: "_Samples",
+    bounds: FloatArray,
+    pool: ThreadPoolExecutor,
+) -> FloatArray:
+    """Find the places (2, n) in the depth's own view of a view's samples, `offset` (m) away; reject those hidden."""
+    right, up = (float(away) / views.plane.pixel for away in offset)
+    places = np.empty((2, len(samples.row)))
+
+    def find(begin: int, end: int) -> None:
+        zero = views.inverse_focus
+        find_places(depth.inverse, right, up, zero, samples.row, samples.column, begin, end, places)
+        reject_samples(places, samples.value, bounds, begin, end, samples.is_own)
+
+    _share(pool, find, len(samples.row))
+    return places
+
+
+def _share(pool: ThreadPoolExecutor, work: Callable[[int, int], object], count: int) -> None:
+    """Share work on 0 ... count - 1 among threads, which get the first number of a piece and that after its last."""
+    edges = [count * piece // _MOST_PIECES for piece in range(_MOST_PIECES + 1)]
+    list(pool.map(work, edges[:-1], edges[1:]))
+
+
+class _Samples(NamedTuple):
+    """Samples of a view: those of its microlenses where they are known, or else its pixels.
+
+    value : linear, float64 (n, 3).
+    row, column (px) : of their places in the view, float64 (n,).
+    is_own : False for samples that are not of what the middle view sees, bool (n,).
     """
+
+    value: FloatArray
+    row: FloatArray
+    column: FloatArray
+    is_own: NDArray[np.bool_]
+
+
+def _read_samples(field: LightField, row: int, column: int) -> _Samples:
+    """Read the samples of a view, of which those are marked that are lit."""
     if field.samples is not None:
         values = np.asarray(field.samples.value[row, column], dtype=np.float64)
-        columns, rows = field.samples.place.T
+        columns, rows = np.ascontiguousarray(field.samples.place.T)
         is_lit = np.asarray(np.isfinite(values).all(axis=-1))
-        return np.where(is_lit[:, None], values, 0.0), rows, columns, is_lit
+        return _Samples(np.where(is_lit[:, None], values, 0.0), rows, columns, is_lit)
     view, lit = field.view(row, column), field.lit(row, column)
     rows, columns = (grid.astype(np.float64).ravel() for grid in np.indices(view.shape[:2]))
     is_lit = np.ones(rows.shape, dtype=bool) if lit is None else lit.ravel()
-    return view.reshape(-1, 3), rows, columns, is_lit
+    return _Samples(view.reshape(-1, 3), rows, columns, is_lit)
 
 
 def upsample_cubic(view: FloatArray, factor: int) -> FloatArray:
@@ -128,45 +186,23 @@ def upsample_cubic(view: FloatArray, factor: int) -> FloatArray:
     return Spline(view).at(*np.broadcast_arrays(rows[:, None], columns[None, :]))[0]
 
 
-def _to_depth_view(
-    depth: Depth, views: Views, offset: NDArray[np.float64], rows: FloatArray, columns: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Find the places in the depth's own view of what a view `offset` (m) away sees: rows and columns."""
-    from scipy import ndimage
-
-    at_row, at_column = rows, columns
-    for _ in range(_STEPS):
-        inverse = ndimage.map_coordinates(depth.inverse, np.stack([at_row, at_column]), order=1, mode="nearest")
-        right, down = pixel_shifts(views, offset, inverse)
-        at_row, at_column = rows - down, columns - right
-    return at_row, at_column
-
-
-class _ValueBounds:
-    """Bounds of the values that a pixel's own point may have: the range of the pixels around it, and noise.
+def _value_bounds(middle: FloatArray, lit: NDArray[np.bool_] | None) -> FloatArray:
+    """Bound the values that a pixel's own point may have, by the range of the pixels around it, and noise.
 
     middle : the reference view, linear (height, width, 3).
     lit : mask of its lit pixels, bool (height, width); None for all.  Others have no bounds.
+
+    Returns the least and the greatest square roots, (2, height, width, 3).
     """
+    from scipy import ndimage
 
-    def __init__(self, middle: FloatArray, lit: NDArray[np.bool_] | None) -> None:
-        from scipy import ndimage
-
-        values = sqrt_tone(middle)
-        noise = _SIGMAS * _noise(values)
-        self._low = ndimage.minimum_filter(values, (3, 3, 1), mode="nearest") - noise
-        self._high = ndimage.maximum_filter(values, (3, 3, 1), mode="nearest") + noise
-        self._lit = lit
-
-    def contain(self, values: FloatArray, rows: FloatArray, columns: FloatArray) -> NDArray[np.bool_]:
-        """Test linear values (n, 3) against the bounds of the pixels at places (n,), in all channels: bool (n,)."""
-        height, width = self._low.shape[:2]
-        row = np.clip(np.rint(rows), 0, height - 1).astype(np.int64)
-        column = np.clip(np.rint(columns), 0, width - 1).astype(np.int64)
-        low, high = self._low[row, column], self._high[row, column]
-        shown = sqrt_tone(values)
-        is_within = ((shown >= low) & (shown <= high)).all(axis=-1)
-        return np.asarray(is_within if self._lit is None else is_within | ~lit_at_nearest(self._lit, rows, columns))
+    values = sqrt_tone(middle)
+    noise = _SIGMAS * _noise(values)
+    low = ndimage.minimum_filter(values, (3, 3, 1), mode="nearest") - noise
+    high = ndimage.maximum_filter(values, (3, 3, 1), mode="nearest") + noise
+    if lit is not None:
+        low[~lit], high[~lit] = -np.inf, np.inf
+    return np.stack([low, high])
 
 
 def _noise(values: FloatArray) -> float:
@@ -181,7 +217,9 @@ def _noise(values: FloatArray) -> float:
     return float(_NORMAL * np.median(np.abs(differences)) / np.sqrt((mask**2).sum()))
 
 
-def _best_prior(half: "_NormalEquations", other: "_NormalEquations", start: FloatArray) -> float:
+def _best_prior(
+    half: "_NormalEquations", other: "_NormalEquations", start: FloatArray, pool: ThreadPoolExecutor
+) -> float:
     """Choose the weight of the interpolated view with which two halves of the views agree best on the picture.
 
     The noise of the halves is independent, so that the squared distance of one half's picture from the least smoothed
@@ -191,127 +229,83 @@ def _best_prior(half: "_NormalEquations", other: "_NormalEquations", start: Floa
     weight = half.weight + other.weight
     if half.weight == 0.0 or other.weight == 0.0:
         return _PRIORS[0] * weight
-    grey = start.mean(axis=-1, keepdims=True)
-    half, reference = half.grey(), other.grey().solve(grey, _PRIORS[0] * weight)
-    errors = [float(((half.solve(grey, share * weight) - reference) ** 2).mean()) for share in _PRIORS]
+    grey = start.mean(axis=-1)
+    reference = pool.submit(other.solve_channel, other.sums.mean(axis=0), grey, _PRIORS[0] * weight)
+    sums = half.sums.mean(axis=0)
+    pictures = pool.map(lambda share: half.solve_channel(sums, grey, share * weight), _PRIORS)
+    errors = [float(((picture - reference.result()) ** 2).mean()) for picture in pictures]
     return _PRIORS[int(np.argmin(errors))] * weight
 
 
 class _NormalEquations:
-    """Normal equations of views' pixels, each the mean over a square of a picture that is linear between its pixels."""
+    """Normal equations of views' pixels, each the mean over a square of a picture that is linear between its pixels.
+
+    Attributes
+    ----------
+    sums : of weighted values, (3, rows, columns): of all means over `factor` by `factor` pixels, one for each pixel
+        that a square can begin at.
+    """
 
     def __init__(self, height: int, width: int, factor: int) -> None:
-        self._factor = factor
-        self._size = height, width
-        # Of all means over `factor` by `factor` pixels: one for each pixel that a square can begin at.
-        self._shape = factor * (height - 1) + 1, factor * (width - 1) + 1
-        count = self._shape[0] * self._shape[1]
-        self._products = {offset: np.zeros(count) for offset in _NEIGHBOURS}
-        self._sums = np.zeros((3, count))
+        self._factor, self._size = factor, (height, width)
+        shape = factor * (height - 1) + 1, factor * (width - 1) + 1
+        self._products = np.zeros((_NEIGHBOURS, *shape))
+        self.sums = np.zeros((3, *shape))
 
-    def add(self, value: FloatArray, rows: FloatArray, columns: FloatArray, is_own: NDArray[np.bool_]) -> None:
-        """Add the samples of a view, with their places in pixels of the view that is computed."""
-        height, width = self._size
-        is_in = is_own & (rows >= 0.0) & (rows <= height - 1) & (columns >= 0.0) & (columns <= width - 1)
-        top, left = self._factor * rows[is_in], self._factor * columns[is_in]
-        row = np.minimum(top.astype(np.int64), self._shape[0] - 2)
-        column = np.minimum(left.astype(np.int64), self._shape[1] - 2)
-        down, right = top - row, left - column
-        count, stride = self._sums.shape[1], self._shape[1]
-        first = row * stride + column
-        corners = {
-            (0, 0): (first, (1.0 - down) * (1.0 - right)),
-            (0, 1): (first + 1, (1.0 - down) * right),
-            (1, 0): (first + stride, down * (1.0 - right)),
-            (1, 1): (first + stride + 1, down * right),
-        }
-        values = value[is_in]
-        for place, (index, weight) in corners.items():
-            for channel in range(3):
-                self._sums[channel] += np.bincount(index, weight * values[:, channel], count)
-            for other, (_, weight_other) in corners.items():
-                offset = other[0] - place[0], other[1] - place[1]
-                if offset in self._products:
-                    self._products[offset] += np.bincount(index, weight * weight_other, count)
+    def add(self, values: FloatArray, places: FloatArray, is_own: NDArray[np.bool_], pool: ThreadPoolExecutor) -> None:
+        """Add the samples of a view, with their places (2, n) in pixels of the view that is computed."""
+
+        # A band of the picture is with one thread, so that sums do not depend on the order of threads.
+        def add(first: int, last: int) -> None:
+            add_samples(values, places, is_own, self._factor, first, last, self._products, self.sums)
+
+        _share(pool, add, self.sums.shape[1])
 
     def combined(self, other: "_NormalEquations") -> "_NormalEquations":
         """Add the equations of both."""
         both = _NormalEquations(*self._size, self._factor)
-        both._products = {offset: own + other._products[offset] for offset, own in self._products.items()}
-        both._sums = self._sums + other._sums
+        np.add(self._products, other._products, out=both._products)
+        np.add(self.sums, other.sums, out=both.sums)
         return both
 
     @property
     def weight(self) -> float:
         """Mean number of views' pixels on one of the picture."""
-        return float(self._products[0, 0].mean())
+        return float(self._products[0].mean())
 
     def known(self) -> NDArray[np.bool_]:
         """Find the pixels of the picture that any sample lies on."""
-        return self._spread(self._products[0, 0].reshape(self._shape)) > 0.0
+        known = np.zeros(tuple(self._factor * size for size in self._size))
+        spread(self._products[0], self._factor, 0.0, known, known)
+        return known > 0.0
 
-    def grey(self) -> "_NormalEquations":
-        """Put the equations of the mean of the channels in the place of each."""
-        grey = _NormalEquations(*self._size, self._factor)
-        grey._products, grey._sums = self._products, np.broadcast_to(self._sums.mean(axis=0), self._sums.shape)
-        return grey
-
-    def solve(self, start: FloatArray, prior: float) -> FloatArray:
-        """Solve for the picture (height, width, channels) that explains the pixels best, of the first channels.
+    def solve(self, start: FloatArray, prior: float, pool: ThreadPoolExecutor) -> FloatArray:
+        """Solve for the picture (height, width, 3) that explains the pixels best.
 
         start : picture that is kept where no view has samples.
         prior : weight of its pixels beside that of a sample.
         """
+        channels = np.moveaxis(start, -1, 0)
+        pictures = pool.map(lambda sums, plain: self.solve_channel(sums, plain, prior), self.sums, channels)
+        return np.stack(list(pictures), axis=-1)
+
+    def solve_channel(self, sums: FloatArray, start: FloatArray, prior: float) -> FloatArray:
+        """Solve for one channel (height, width), of which the `sums` are given."""
         from scipy.sparse.linalg import LinearOperator, cg
 
-        shape = start.shape[:2]
+        plain = np.ascontiguousarray(start)
+        means, weighted = np.empty_like(sums), np.empty_like(sums)
 
-        def normal(values: NDArray[np.float64]) -> NDArray[np.float64]:
-            square = values.reshape(shape)
-            return np.asarray((self._spread(self._product(self._means(square))) + prior * square).ravel())
+        def matrix(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            result = np.empty_like(plain)
+            multiply(self._products, self._factor, prior, values.reshape(plain.shape), means, weighted, result)
+            return result.ravel()
 
-        operator = LinearOperator((start[..., 0].size,) * 2, matvec=normal, dtype=np.float64)
-        picture = np.empty_like(start)
-        for channel in range(start.shape[2]):
-            plain = start[..., channel]
-            seen = self._spread(self._sums[channel].reshape(self._shape))
-            right = seen.ravel() + prior * plain.ravel()
-            solution, _ = cg(operator, right, x0=plain.ravel(), rtol=_TOLERANCE, maxiter=_ITERATIONS)
-            picture[..., channel] = solution.reshape(shape)
-        return picture
-
-    def _means(self, picture: FloatArray) -> FloatArray:
-        """Average a picture over all squares."""
-        rows, columns = self._shape
-        tall = np.zeros((rows, columns + self._factor - 1))
-        for step in range(self._factor):
-            tall += picture[step : step + rows]
-        total = np.zeros((rows, columns))
-        for step in range(self._factor):
-            total += tall[:, step : step + columns]
-        return total / self._factor**2
-
-    def _spread(self, means: FloatArray) -> FloatArray:
-        """Apply the transpose of `_means`."""
-        rows, columns = self._shape
-        wide = np.zeros((rows, columns + self._factor - 1))
-        for step in range(self._factor):
-            wide[:, step : step + columns] += means
-        whole = np.zeros((rows + self._factor - 1, columns + self._factor - 1))
-        for step in range(self._factor):
-            whole[step : step + rows] += wide
-        return whole / self._factor**2
-
-    def _product(self, means: FloatArray) -> FloatArray:
-        """Multiply the means by the symmetric matrix of products of neighbours' weights."""
-        flat = means.ravel()
-        total = self._products[0, 0] * flat
-        for (down, right), products in self._products.items():
-            step = down * self._shape[1] + right
-            if step:
-                total[:-step] += products[:-step] * flat[step:]
-                total[step:] += products[:-step] * flat[:-step]
-        return total.reshape(self._shape)
+        right = np.empty_like(plain)
+        spread(sums, self._factor, prior, plain, right)
+        operator = LinearOperator((plain.size,) * 2, matvec=matrix, dtype=np.float64)
+        solution, _ = cg(operator, right.ravel(), x0=plain.ravel(), rtol=_TOLERANCE, maxiter=_ITERATIONS)
+        return np.asarray(solution.reshape(plain.shape))
 
 
 _FACTOR = 2

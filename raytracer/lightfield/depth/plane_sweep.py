@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.lightfield.coverage import lit_at_nearest, lit_view
+from raytracer.lightfield.coverage import lit_view
 from raytracer.lightfield.depth.estimate import (
     DepthContext,
     Estimate,
@@ -26,7 +26,8 @@ from raytracer.lightfield.depth.estimate import (
     median_spacing,
     view_offsets,
 )
-from raytracer.lightfield.splines import Spline, sqrt_tone
+from raytracer.lightfield.kernels.plane_sweep import add_differences, smooth_costs
+from raytracer.lightfield.splines import Spline, seen_part, spline_weights, sqrt_tone
 
 _BUDGET = 256 * 2**20
 """Bytes for the cost volume of the planes that are worked on at once."""
@@ -45,10 +46,10 @@ def sweep_planes(context: DepthContext, others: Sequence[ViewIndex], planes: NDA
     others : views that are compared with the reference view.
     planes : 1 / distance of the planes (1/m), evenly spaced.
     """
-    middle = sqrt_tone(lit_view(context.field, *context.reference)[0])
-    height, width = middle.shape[:2]
-    guided = GuidedFilter(middle.mean(axis=-1))
-    tolerance = max(_INLIER * float(middle.var(axis=(0, 1)).mean()), np.finfo(np.float64).tiny)
+    middle = np.ascontiguousarray(np.moveaxis(sqrt_tone(lit_view(context.field, *context.reference)[0]), -1, 0))
+    height, width = middle.shape[1:]
+    guided = GuidedFilter(middle.mean(axis=0))
+    tolerance = max(_INLIER * float(middle.var(axis=(1, 2)).mean()), np.finfo(np.float64).tiny)
 
     block = max(1, min(len(planes), _BUDGET // (_HALVES * height * width * 10)))
     context.counter.add_total(len(others) * math.ceil(len(planes) / block))
@@ -60,21 +61,12 @@ def sweep_planes(context: DepthContext, others: Sequence[ViewIndex], planes: NDA
             context.counter.step()
 
         def smoothed_cost(number: int, volume: _CostVolume = volume) -> FloatArray:
-            # Where no view sees a plane, it costs as much as the worst.
-            whole = guided(_mean(volume.cost[number].sum(axis=0), volume.count[number].sum(axis=0)))
-            for half in range(_HALVES):
-                np.minimum(whole, guided(_mean(volume.cost[number, half], volume.count[number, half])), out=whole)
-            return whole
+            return guided.least(volume.cost[number], volume.count[number])
 
         for values in context.pool.map(smoothed_cost, range(len(volume.planes))):
             best.add(values)
     number, confidence = best.result()
     return Estimate(planes[0] + number * (planes[1] - planes[0]), confidence)
-
-
-def _mean(total: FloatArray, count: NDArray[np.integer]) -> FloatArray:
-    """Average the differences of the views that were compared; 1, the greatest that there is, where none was."""
-    return np.where(count > 0, total / np.maximum(count, 1), 1.0)
 
 
 class _CostVolume:
@@ -100,24 +92,30 @@ def _add_view(
     # Places that are equal but for rounding are in both halves.
     exact = float(np.finfo(np.float32).eps) * median_spacing(views)
     right, up = offset
-    halves = np.flatnonzero([right <= exact, right >= -exact, up <= exact, up >= -exact]).tolist()
+    is_in = np.array([right <= exact, right >= -exact, up <= exact, up >= -exact], dtype=np.uint8)
     view, lit = lit_view(context.field, *other)
     spline = Spline(sqrt_tone(view))
+    mask = np.ones(spline.shape, dtype=np.uint8) if lit is None else lit.astype(np.uint8)
 
     def add_plane(number: int) -> None:
-        right, down = offset * ((views.inverse_focus - volume.planes[number]) / views.plane.pixel) * (1.0, -1.0)
-        moved, part = spline.shifted(float(right), float(down))
-        difference = ((moved[part] - middle[part]) ** 2).mean(axis=-1)
-        # Geman and McClure's robust cost: squares of small differences, 1 for large ones.
-        difference /= difference + tolerance
-        counted: int | NDArray[np.bool_] = 1
-        if lit is not None:
-            rows, columns = (np.arange(along.start, along.stop) for along in part)
-            counted = lit_at_nearest(lit, (rows + down)[:, None], (columns + right)[None, :])
-            difference *= counted
-        for half in halves:
-            volume.cost[number, half][part] += difference
-            volume.count[number, half][part] += counted
+        moved = (views.inverse_focus - volume.planes[number]) / views.plane.pixel
+        shift = float(right * moved), float(-up * moved)
+        rows, columns = seen_part(spline.shape, *shift)
+        whole = [math.floor(along) for along in shift]
+        weights = [spline_weights(along - begin) for along, begin in zip(shift, whole, strict=True)]
+        nearest = [math.floor(along + 0.5) for along in shift]
+        add_differences(
+            spline.coefficients,
+            mask,
+            middle,
+            (*whole, *weights, *nearest),
+            tolerance,
+            is_in,
+            (rows.start, columns.start, rows.stop, columns.stop),
+            np.empty((2, spline.shape[1] + 3)),
+            volume.cost[number],
+            volume.count[number],
+        )
 
     list(context.pool.map(add_plane, range(len(volume.planes))))
 
@@ -161,28 +159,28 @@ class _RunningMinimum:
 _REGULARIZATION = 0.02
 """Squared contrast from which on an edge is kept, as a share of the picture's variance."""
 
-_RADIUS = 1
-"""Radius of the filter's boxes, in pixels."""
-
 
 class GuidedFilter:
     """Guided filter, which averages within regions that look alike in its guide, and so preserves edges."""
 
     def __init__(self, guide: FloatArray) -> None:
         self._guide = guide
-        self._mean = self._box(guide)
-        self._variance = np.maximum(self._box(guide * guide) - self._mean**2, 0.0)
+        self._mean = _box(guide)
+        variance = np.maximum(_box(guide * guide) - self._mean**2, 0.0)
         # Above 0, however flat the picture is.
-        self._regularization = max(_REGULARIZATION * float(guide.var()), np.finfo(np.float64).tiny)
+        self._weight = 1.0 / (variance + max(_REGULARIZATION * float(guide.var()), np.finfo(np.float64).tiny))
 
-    def __call__(self, picture: FloatArray) -> FloatArray:
-        """Filter a picture (height, width)."""
-        mean = self._box(picture)
-        slope = (self._box(self._guide * picture) - self._mean * mean) / (self._variance + self._regularization)
-        return np.asarray(self._box(slope) * self._guide + self._box(mean - slope * self._mean))
+    def least(self, cost: FloatArray, count: NDArray[np.uint16]) -> FloatArray:
+        """Smooth the mean costs of a plane, of the whole aperture and of each half, and return the least of them."""
+        _, height, width = cost.shape
+        least = np.empty((height, width))
+        scratch, rows = np.empty((3, height, width)), np.empty((2, width))
+        smooth_costs(cost, count, self._guide, self._mean, self._weight, scratch, rows, least)
+        return least
 
-    def _box(self, picture: FloatArray) -> FloatArray:
-        """Average over boxes around each pixel."""
-        from scipy import ndimage
 
-        return np.asarray(ndimage.uniform_filter(picture, 2 * _RADIUS + 1, mode="nearest"))
+def _box(picture: FloatArray) -> FloatArray:
+    """Average over the square of three pixels a side around each pixel."""
+    from scipy import ndimage
+
+    return np.asarray(ndimage.uniform_filter(picture, 3, mode="nearest"))
