@@ -97,7 +97,7 @@ def raytrix_picture() -> Image.Image:
     """Microlenses of three kinds: a part of the raw picture, and the same focused on the distance of each kind."""
     image = render(load(SCENES / "lightfield" / "raytrix.yaml"), spp=16).image
     field = extract_light_field(image)
-    pictures = {"a part of the raw picture": to_uint8(image.radiance[700:850, 720:920])} | {
+    pictures = {"a part of the raw picture": to_uint8(image.radiance[930:1080, 1180:1380])} | {
         f"focused on {distance} m": _refocused(field, distance, method="rays") for distance in (0.87, 1.0, 1.3)
     }
     made = [np.asarray(Image.fromarray(part).resize((472, 354))) for part in pictures.values()]
