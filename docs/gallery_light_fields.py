@@ -93,6 +93,17 @@ def microlenses_picture() -> Image.Image:
     return sheet(list(pictures.values()), list(pictures), 3)
 
 
+def raytrix_picture() -> Image.Image:
+    """Microlenses of three kinds: a part of the raw picture, and the same focused on the distance of each kind."""
+    image = render(load(SCENES / "lightfield" / "raytrix.yaml"), spp=16).image
+    field = extract_light_field(image)
+    pictures = {"a part of the raw picture": to_uint8(image.radiance[930:1080, 1180:1380])} | {
+        f"focused on {distance} m": _refocused(field, distance, method="rays") for distance in (0.87, 1.0, 1.3)
+    }
+    made = [np.asarray(Image.fromarray(part).resize((472, 354))) for part in pictures.values()]
+    return sheet(made, list(pictures), 2)
+
+
 def raw_picture() -> Image.Image:
     """One raw picture through a double Gauss: its cells, what its pixels see from, and four focuses made of it."""
     glass = {"camera.lens": "../lenses/double-gauss-50mm.yaml", "camera.focal_length": None, "camera.f_number": 2}
@@ -185,6 +196,7 @@ MADE: Mapping[str, Callable[[], Image.Image]] = {
     "lightfield_dragons": dragons_picture,
     "lightfield_depth": depth_picture,
     "lightfield_microlenses": microlenses_picture,
+    "lightfield_raytrix": raytrix_picture,
     "lightfield_sphere": sphere_picture,
     "lightfield_window": window_picture,
     "lightfield_two_planes": two_planes_picture,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from raytracer.lightfield.capturing.capture import Captured, capture
     from raytracer.lightfield.decoding.calibration import find_grid
     from raytracer.lightfield.decoding.decoder import Decoded, decode
+    from raytracer.lightfield.decoding.lytro.decode import decode_photo
     from raytracer.lightfield.decoding.microlens_grid import Grid, Optics, read_grid
     from raytracer.lightfield.depth.depth_map import Depth, depth_map
     from raytracer.lightfield.epipolar import epipolar_slice
@@ -47,6 +48,7 @@ _MODULES = {
     "raytracer.lightfield.capturing.capture": ("Captured", "capture"),
     "raytracer.lightfield.decoding.calibration": ("find_grid",),
     "raytracer.lightfield.decoding.decoder": ("Decoded", "decode"),
+    "raytracer.lightfield.decoding.lytro.decode": ("decode_photo",),
     "raytracer.lightfield.decoding.microlens_grid": ("Grid", "Optics", "read_grid"),
     "raytracer.lightfield.depth.depth_map": ("Depth", "depth_map"),
     "raytracer.lightfield.epipolar": ("epipolar_slice",),
@@ -85,6 +87,7 @@ __all__ = [
     "capture",
     "cell_weights",
     "decode",
+    "decode_photo",
     "depth_map",
     "epipolar_slice",
     "export",

@@ -1905,7 +1905,7 @@ def Microlenses(
     count: int | None = ...,
     layout: Literal["square", "hexagonal"] = ...,
     model: Literal["lens", "pinhole"] = ...,
-    focal_length: float | str | None = ...,
+    focal_length: float | str | _Numbers | None = ...,
     distance: float | str | None = ...,
     arrangement: Literal["plenoptic", "focused"] = ...,
     rotation: float | str = ...,
@@ -1924,7 +1924,8 @@ def Microlenses(
     model : `lens`, thin ones without gaps between them; `pinhole`, holes in their middles, sharp at any distance,
         which by convention let as much light through
     focal_length : focal length of a microlens (mm); by default that which has the sensor in focus on the main lens,
-        with sub-images that just touch [millimetres, or with a unit]
+        with sub-images that just touch; three of them for focused hexagonal microlenses of three kinds,
+        interleaved, of which the middle one is sharp in the plane of focus [millimetres, or with a unit]
     distance : distance of the sensor behind the microlenses (mm); by default where sub-images just touch, or by
         `focal_length` [millimetres, or with a unit]
     arrangement : `plenoptic` (1.0), the microlenses lie in the image of the plane of focus and show the main lens;

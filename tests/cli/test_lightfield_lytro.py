@@ -55,6 +55,8 @@ def test_a_photograph_becomes_a_light_field_in_metres(tmp_path, rt):
         assert field.views.position[5, 6, 0] - field.views.position[5, 5, 0] == pytest.approx(
             1.4 / 30 * (0.024 + 949.2e-6 * 0.024 / (0.1 - 949.2e-6))
         )
+    package = rt("lightfield decode b.lfp --white package.lfp")
+    assert "MOD_0000.RAW, zoom step 600 for 600" in package.err
     other = tmp_path / "own.lf"
     rt(f"lightfield decode a.lfr -o {other} --views 5 --focus-distance 2m --colors white")
     with lf.open(other) as field:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.film.light_field.bilinear import sample_bilinear
 from raytracer.film.light_field.field import LIT_LAYER, RAYS_LAYER, LightField, Rays, Samples, rays_from_layer
 from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.lenslet_kinds import Bundle, microlens_kinds, sharpness
@@ -37,9 +38,6 @@ _MIN_COVERAGE = 1e-6
 
 _HALF = 0.5
 """Threshold between lit, 1, and dark, 0."""
-
-_SAME = 0.5
-"""Distance (px) below which middles of sub-images are the same."""
 
 _STEPS, _INSIDE = 2, 12
 """Places per pixel of the table of lit fractions; and places a side of a microlens over which light is averaged."""
@@ -168,7 +166,7 @@ class Lenslets:
         inside = self._cell_points()
         spread = blur / self.stride * inside
         table = np.mean([self._open_fraction(x - right, y - down) for right, down in spread], axis=0)
-        fractions, _ = _sample_bilinear(table[..., None], None, _STEPS * away + (reach + 0.5), None)
+        fractions, _ = sample_bilinear(table[..., None], None, _STEPS * away + (reach + 0.5), None)
         return fractions[..., 0]
 
     def _open_fraction(self, right: FloatArray, down: FloatArray) -> FloatArray:
@@ -218,9 +216,8 @@ class Lenslets:
         """Weigh pixels for views by how sharp their microlenses are in the plane of focus."""
         if not self.kinds:
             return lit
-        pixel = self.views.plane.pixel
-        spots = [self.bundle(kind).spot(self.inverse_focus) for kind in range(len(self.kinds))]
-        return np.asarray(lit * sharpness(np.array(spots), pixel)[self._kinds])
+        spots = np.array([self.bundle(kind).spot(self.inverse_focus) for kind in range(len(self.kinds))])
+        return np.asarray(lit * sharpness(spots, self.views.plane.pixel)[self._kinds])
 
     def _rays(self, radiance: NDArray[Any], lit: FloatArray) -> Rays:
         """Make a ray for each pixel that sees through the aperture, through the middle of its microlens."""
@@ -382,31 +379,7 @@ class _PatchViews:
                 away = (seen - own.slope * (middle - own.middle)) / self._reach
                 # Places beyond the sub-image belong to another microlens.
                 near *= np.hypot(away[..., 0], away[..., 1]) <= 0.5 * own.lattice.pitch
-                values, weights = _sample_bilinear(picture, weight, middle + away, (middles, middle))
+                values, weights = sample_bilinear(picture, weight, middle + away, (middles, middle))
                 total += near[..., None] * values
                 counted += near * weights
         return total, counted
-
-
-def _sample_bilinear(
-    picture: NDArray[Any], weight: FloatArray | None, place: FloatArray, of: tuple[FloatArray, FloatArray] | None
-) -> tuple[FloatArray, FloatArray]:
-    """Sample values times weights, and weights, at places of a picture (..., 2), bilinearly between its pixels.
-
-    of : middles of the sub-images that pixels belong to (height, width, 2), and of those that are sampled (..., 2): the
-        pixels of others do not count.
-    """
-    height, width = picture.shape[:2]
-    x, y = place[..., 0] - 0.5, place[..., 1] - 0.5
-    left, top = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-    total, counted = np.zeros((*x.shape, picture.shape[2])), np.zeros(x.shape)
-    for column, part_x in ((left, left + 1.0 - x), (left + 1, x - left)):
-        for row, part_y in ((top, top + 1.0 - y), (top + 1, y - top)):
-            inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-            i, j = np.where(inside, row, 0), np.where(inside, column, 0)
-            if of is not None:
-                inside &= (np.abs(of[0][i, j] - of[1]) < _SAME).all(axis=-1)
-            share = np.where(inside, part_x * part_y, 0.0) * (1.0 if weight is None else weight[i, j])
-            total += share[..., None] * picture[i, j]
-            counted += share
-    return total, counted

@@ -42,6 +42,13 @@ ARRAYS = {
         **FOCUSED,
         "focal_length": "0.7 mm",
     },
+    "three kinds": {
+        "pitch": "200 um",
+        "layout": "hexagonal",
+        "rotation": 4,
+        **FOCUSED,
+        "focal_length": ["0.66 mm", "0.7 mm", "0.75 mm"],
+    },
     "focused before the image": {"count": 20, **FOCUSED, "focal_length": "1.4 mm"},
     "pinholes": {"pixels": 10, "model": "pinhole"},
 }
@@ -87,6 +94,9 @@ def test_a_ray_from_the_scene_goes_to_the_sensor_by_gauss_and_back_to_its_pixel(
     around = [lattice.place(*(np.floor(number) + step).T) for step in ((0, 0), (0, 1), (1, 0), (1, 1))]
     away = [((place - places) ** 2).sum(axis=1) for place in around]
     nearest = np.stack(around)[np.argmin(away, axis=0), np.arange(len(x))]
+    if len(spec.microlenses.focal_lengths) > 1:
+        column, row = np.rint(lattice.index(nearest)).astype(int).T
+        focal_length = 1e-3 * np.array(spec.microlenses.focal_lengths)[(column - row) % 3, None]
     shrink = image / (image + distance)
     middles = (nearest - 0.5 * WIDTH) * np.array([-1.0, 1.0]) * pixel * shrink
     off = on_array - middles

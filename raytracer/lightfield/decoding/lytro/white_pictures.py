@@ -71,7 +71,12 @@ class WhitePicture(NamedTuple):
 def holds_white_pictures(path: str | Path) -> bool:
     """Tell if a path may hold a camera's white pictures: a folder, an archive, a package, or the pixels of one."""
     path = Path(path)
-    return path.is_dir() or path.suffix.lower() in (".tar", ".raw") or _PACKAGE_NAME.fullmatch(path.name) is not None
+    if path.is_dir() or path.suffix.lower() in (".tar", ".raw") or _PACKAGE_NAME.fullmatch(path.name):
+        return True
+    if not is_container(path):
+        return False
+    with Container(path) as container:
+        return "files" in container.contents
 
 
 def find_white_pictures(path: str | Path) -> list[WhitePicture]:
