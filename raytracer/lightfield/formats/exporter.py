@@ -7,7 +7,7 @@ import numpy as np
 
 from raytracer.film import image_file
 from raytracer.film.formats import pfm
-from raytracer.film.formats.registry import display_suffixes, image_suffixes
+from raytracer.film.formats.registry import display_suffixes, picture_suffixes
 from raytracer.film.image import Image
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField
@@ -39,7 +39,7 @@ def check_export(field: LightField, folder: str | Path, naming: Naming, suffix: 
     folder = Path(folder)
     if naming not in NAMINGS:
         raise InputError(f"{folder}: naming must be one of {', '.join(NAMINGS)}, got {naming!r}")
-    known = [each for each in image_suffixes() if each != lf.SUFFIX]
+    known = [each for each in picture_suffixes() if each != lf.SUFFIX]
     if suffix not in known:
         raise InputError(f"{folder}: unknown suffix {suffix!r} for views; known: {', '.join(known)}")
     if naming == "hci":
