@@ -22,6 +22,15 @@ def lattice(pitch, degrees, offset, *, hexagonal=False):
     return Lattice(tuple(offset), tuple(map(float, turn @ (pitch, 0.0))), tuple(map(float, turn @ across)))
 
 
+def nearest_middles(lattice, place):
+    """Find the middles (..., 2) of the sub-images nearest to places (..., 2)."""
+    # In a grid of squares or hexagons the nearest one is a corner of the cell.
+    base = np.floor(lattice.index(place))
+    corners = [lattice.place(base[..., 0] + i, base[..., 1] + j) for i in (0, 1) for j in (0, 1)]
+    nearest = np.argmin([((place - corner) ** 2).sum(axis=-1) for corner in corners], axis=0)
+    return np.choose(nearest[..., None], corners)
+
+
 def texture(x, y, period):
     """Something smooth with three colours, (..., 3), 0.1 to 0.9, whose shortest wave is `period` long."""
     k = 2.0 * np.pi / period
@@ -53,11 +62,7 @@ class Camera:
         x = (np.arange(self.width)[:, None] + sub).ravel()
         y = (np.arange(self.height)[:, None] + sub).ravel()
         place = np.stack(np.meshgrid(x, y), axis=-1)
-        # In a grid of squares or hexagons the nearest one is a corner of the cell.
-        base = np.floor(self.lattice.index(place))
-        corners = [self.lattice.place(base[..., 0] + i, base[..., 1] + j) for i in (0, 1) for j in (0, 1)]
-        nearest = np.argmin([((place - corner) ** 2).sum(axis=-1) for corner in corners], axis=0)
-        return place, np.choose(nearest[..., None], corners)
+        return place, nearest_middles(self.lattice, place)
 
     def transmission(self, place, middle):
         """Compute the part of the light that arrives."""

@@ -1,10 +1,12 @@
 """Calibration of a microlens grid: its pitch, rotation and offset, from a picture of something evenly white.
 
-The grid's two frequencies are first taken from the peaks of a spectrum (`grid_frequencies`).  Then the picture is cut
-into blocks of a few microlenses each, and the phase of both frequencies in a block gives the place of its microlenses;
-a plane through the phases of all blocks, fitted by robust least squares, corrects the frequencies and gives the offset.
-A block's phase is the middle of its sub-images whatever their shape, as long as that is symmetric; it takes no
-thresholds, a slope of the light over the block does not move it, and blocks with dust or without light fall out.
+The grid's two frequencies are first taken from the peaks of a spectrum (`grid_frequencies`).  Then the middles of single
+sub-images are measured (`subimage_phases`), from the middle of what is lit outwards, and a lattice is fitted to them by
+robust least squares: sub-images with dust, or at the edge of the light, fall out.
+
+Where a rim of the lens cuts sub-images, towards the border, they are moved by up to some pixels, and all to the same
+side: no outliers, but a smaller pitch.  They also have another shape than those in the middle; the more a shape differs,
+the less its sub-image counts.
 
 References: Dansereau, Pizarro, Williams 2013, "Decoding, Calibration and Rectification for Lenselet-Based Plenoptic
 Cameras", sec. 3 (grid from a white picture); Schambach, Puente Leon 2020, "Microlens Array Grid Estimation, Light Field
@@ -17,27 +19,34 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.lattice import Lattice
+from raytracer.film.light_field.lattice import Lattice, rows_within
 from raytracer.lightfield.decoding.grid_frequencies import (
     MIN_MICROLENSES,
-    SPECTRUM_SIZE,
+    SpectrumPart,
     find_frequencies,
-    middle_part,
     no_grid_error,
 )
 from raytracer.lightfield.decoding.microlens_grid import Grid
+from raytracer.lightfield.decoding.subimage_phases import (
+    Levels,
+    Subimages,
+    inside_margin,
+    measure_subimages,
+    take_cells,
+)
 from raytracer.util.errors import InputError
 
 Floats = NDArray[np.float64]
-
-_ROUNDS = 3
-"""Rounds of the fit: each starts from so much better frequencies that the third changes nothing that matters."""
 
 _OBLIQUE = 0.25
 """Least cosine between two steps of a lattice that is hexagonal (0.5) and not square (0)."""
 
 _CLIPPED_SHARE = 0.98
 """Share of the pixels at one and the same largest value from which on a picture is clipped everywhere."""
+
+_REACHES = (0.1, 0.2, 0.4, 1.0, 1.0, 1.0)
+"""Parts of the picture, about the middle of what is lit, that are fitted in turn: a lattice that is right to a fifth of a
+pitch at the edge of one part is right to half a pitch at that of the next."""
 
 
 def find_grid(white: NDArray[Any], name: str = "white") -> Grid:
@@ -52,6 +61,33 @@ def find_grid(white: NDArray[Any], name: str = "white") -> Grid:
     InputError : the picture is too small, black, clipped everywhere, or shows no regular grid.
     """
     height, width = white.shape
+    levels = _check_levels(white, name)
+    part, frequencies = find_frequencies(white, levels, name)
+    rows = 1.0 / float(np.linalg.norm(frequencies, axis=1).mean())
+    # The rows of hexagons are closer than their microlenses, of squares as close.
+    is_hexagonal = abs(float(frequencies[0] @ frequencies[1])) > _OBLIQUE * float(frequencies[0] @ frequencies[0])
+    pitch = (2.0 / math.sqrt(3.0) if is_hexagonal else 1.0) * rows
+    if min(width, height) < MIN_MICROLENSES * pitch:
+        raise InputError(
+            f"{name}: has {width} x {height} pixels, which are fewer than {MIN_MICROLENSES} microlenses of {pitch:.3g} "
+            "pixels a side: too few to measure"
+        )
+    lattice = _make_lattice(frequencies, part.phases(frequencies), part.middle)
+    fit = None
+    for reach in _REACHES:
+        fit = fit_lattice(white, lattice, levels, reach * math.hypot(width, height))
+        if fit is None:
+            raise no_grid_error(name)
+        lattice = fit.lattice
+    assert fit is not None
+    lattice = _shortest(lattice).near((0.5 * width, 0.5 * height))
+    diameter = lit_diameter(white, lattice, fit.sample, levels)
+    return Grid(lattice, width, height, fit.residual, (fit.used, fit.measured), diameter)
+
+
+def _check_levels(white: NDArray[Any], name: str) -> Levels:
+    """Find the levels between which a picture is clipped; an InputError says that it cannot show microlenses."""
+    height, width = white.shape
     low, high = float(white.min()), float(white.max())
     if not (math.isfinite(low) and math.isfinite(high)):
         raise InputError(f"{name}: holds values that are not numbers")
@@ -62,44 +98,28 @@ def find_grid(white: NDArray[Any], name: str = "white") -> Grid:
         raise InputError(
             f"{name}: {reason}; a white picture must show microlenses with darker gaps: expose it to match"
         )
+    step = max(1, math.isqrt(white.size // _SAMPLE))
+    bottom, top = np.quantile(white[::step, ::step], (0.001, 0.999))
+    return Levels(float(bottom), float(top))
 
-    # Quantiles, so that single bright or dead pixels do not decide.
-    sample = white[:: max(1, height // SPECTRUM_SIZE), :: max(1, width // SPECTRUM_SIZE)]
-    bottom, top = np.quantile(sample, (0.001, 0.999))
-    frequencies = find_frequencies(middle_part(white), float(bottom), float(top), name)
 
-    rows = 1.0 / float(np.linalg.norm(frequencies, axis=1).mean())
-    # The rows of hexagons are closer than their microlenses, of squares as close.
-    is_hexagonal = abs(float(frequencies[0] @ frequencies[1])) > _OBLIQUE * float(frequencies[0] @ frequencies[0])
-    pitch = (2.0 / math.sqrt(3.0) if is_hexagonal else 1.0) * rows
-    if min(width, height) < MIN_MICROLENSES * pitch:
-        raise InputError(
-            f"{name}: has {width} x {height} pixels, which are fewer than {MIN_MICROLENSES} microlenses of {pitch:.3g} "
-            "pixels a side: too few to measure"
-        )
-    tilts = np.zeros((2, 2), dtype=np.complex128)
-    for _ in range(_ROUNDS):
-        measured = measure_blocks(white, frequencies, tilts, pitch, float(bottom), float(top))
-        fits = [fit_plane(one, width, height) for one in measured]
-        frequencies = frequencies + np.array([fit.slope for fit in fits])
-        phases = np.array([fit.phase for fit in fits])
-        residual = max(fit.residual for fit in fits)
-        used, blocks = min(fit.used for fit in fits), measured[0].phasor.size
-        if not math.isfinite(residual):
-            raise no_grid_error(name)
-        lattice = _make_lattice(frequencies, phases, (0.5 * width, 0.5 * height))
-        subimages = collect_subimages(white, lattice, float(bottom), float(top))
-        tilts = np.array([wave_tilt(*subimages, frequency) for frequency in frequencies])
-    return Grid(lattice, width, height, residual * lattice.pitch, (used, blocks), lit_diameter(*subimages, lattice))
+_SAMPLE = 2_000_000
+"""Pixels from which quantiles are computed."""
 
 
 def _make_lattice(frequencies: Floats, phases: Floats, middle: tuple[float, float]) -> Lattice:
-    """Make the lattice of two frequencies and their phases (cycles), counted from near the picture's middle."""
-    # A block's wave is c exp(-2 pi i k . o): the origin o is where both phases are 0.
+    """Make the lattice of two frequencies and their phases (cycles), counted from near `middle`."""
+    # A lattice's wave is c exp(-2 pi i k . o): the origin o is where both phases are 0.
     origin = np.linalg.solve(frequencies, -phases)
     steps = np.asarray(np.linalg.inv(frequencies), np.float64)
     along, across = _reduce_basis(steps[:, 0], steps[:, 1])
     return Lattice((float(origin[0]), float(origin[1])), along, across).near(middle)
+
+
+def _shortest(lattice: Lattice) -> Lattice:
+    """Return the same lattice by its shortest steps."""
+    along, across = _reduce_basis(np.array(lattice.along), np.array(lattice.across))
+    return Lattice(lattice.origin, along, across)
 
 
 def _reduce_basis(a: Floats, b: Floats) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -123,176 +143,165 @@ def _reduce_basis(a: Floats, b: Floats) -> tuple[tuple[float, float], tuple[floa
     return (float(along[0]), float(along[1])), (float(across[0]), float(across[1]))
 
 
-_BLOCK_SIZE = 6.0
-"""Microlenses a side of a block: few enough to lose little to a speck of dust, enough to separate frequencies."""
+_MOST_MEASURED = 12_000
+"""Sub-images that are measured, evenly over the picture: with errors of 0.05 pixels of each, the mean has 0.0005."""
 
-_DARKEST_BLOCK_SIZE = 0.05
-"""Least light by which a block's phasor is divided, as a share of the blocks' median."""
+_LEAST_LIGHT = 0.05
+"""Least light of a sub-image that is measured, as a share of that of bright ones: less is noise and stray light."""
 
 _LEAST_AMPLITUDE = 0.4
-"""Least contrast of a block, as a share of the blocks' median: less is covered, clipped, or half outside the light."""
+"""Least contrast of a sub-image, as a share of the median: less is covered, or half outside the light."""
 
-_PHASE_NOISE = 0.02
-"""Error of a block's phase (cycles) above which it counts as an outlier."""
+_REFERENCE_SHARE = 0.05
+"""Share of the sub-images, nearest to the picture's middle, whose shape is that of whole ones."""
 
-_LEAST_PHASE_NOISE = 0.001
-"""Error of a block's phase (cycles) below which it never counts as an outlier."""
+_HARMLESS = 0.001
+"""Error of a sub-image's middle (px) that is none: pictures without noise must not be judged by rounding."""
 
-_LARGEST_CHANGE = 0.05
-"""Most change of the light from one microlens to the next, as a share, unless it is like that all over the picture."""
+_SHAPE_NOISE = 2.0
+"""Change of shape, in units of the median one of whole sub-images, at which a sub-image counts for a quarter."""
 
-_LARGEST_RESIDUAL = 0.06
-"""Most error of the median block (cycles); that of random phases is 0.25."""
+_AROUND = 9
+"""Sub-images, about, over which a mean of shapes is taken."""
 
-_LEAST_SHARE = 0.25
-"""Least share of the blocks that must show the grid."""
+_LARGEST_RESIDUAL = 0.12
+"""Distance (pitches) from the lattice up to which a sub-image can belong to it, if a rim cuts it."""
+
+_LEAST_SHARE = 0.5
+"""Least share of the lit sub-images that must be that near to the lattice; of random places it would be 0.05."""
+
+_SAMPLE_SIZE = 144
+"""Sub-images, nearest to the picture's middle, that are taken together."""
+
+_OUTLIER = 4.0
+"""Residual, in standard deviations, from which on a sub-image is not counted as used."""
+
+_FIT_ROUNDS = 12
+"""Rounds of reweighting: weights of a later one differ by less than matters."""
 
 
-class BlockPhases(NamedTuple):
-    """Phases of one frequency in the blocks of a picture.
+class LatticeFit(NamedTuple):
+    """Lattice through the middles of sub-images.
 
-    middle : of the blocks (pixels), right and down, (rows, columns, 2).
-    phasor : mean of the light times the frequency's wave, (rows, columns).
-    change : of the light from one microlens to the next, as a share, (rows, columns).
+    residual : of the sub-images that were used (px, RMS).
+    used, measured : number of sub-images that fit, and of all that were measured.
+    sample : middles of sub-images that fit, nearest to the picture's middle (px).
     """
 
-    middle: Floats
-    phasor: NDArray[np.complex128]
-    change: Floats
-
-
-class PhasePlane(NamedTuple):
-    """Plane through the phases of blocks.
-
-    phase : at the picture's corner (cycles).
-    slope : (2,), right and down (cycles a pixel).
-    residual : RMS of the blocks that were used (cycles); inf if the fit fails.
-    used : number of these blocks.
-    """
-
-    phase: float
-    slope: Floats
+    lattice: Lattice
     residual: float
     used: int
+    measured: int
+    sample: Floats
 
 
-def measure_blocks(
-    white: NDArray[Any], frequencies: Floats, tilts: NDArray[np.complex128], pitch: float, bottom: float, top: float
-) -> list[BlockPhases]:
-    """Measure the phases of each frequency in all blocks of the picture; `tilts` (frequencies, 2) as of `wave_tilt`."""
-    sliding_window_view = np.lib.stride_tricks.sliding_window_view
+def fit_lattice(white: NDArray[Any], guess: Lattice, levels: Levels, reach: float) -> LatticeFit | None:
+    """Measure sub-images at most `reach` (px) from the guess's origin, and fit a lattice to them; None if none fits."""
     height, width = white.shape
-    size = min(math.ceil(_BLOCK_SIZE * pitch), width, height)
-    step = max(1, size // 2)
-    # Half a pixel in, a window that is 0 just outside the block.
-    window = np.sin(np.pi * (np.arange(size) + 0.5) / size) ** 2
-    tops, lefts = (np.arange(0, extent - size + 1, step) for extent in (height, width))
+    middles = rows_within(guess, width, height, inside_margin(guess)).middles
+    middles = middles[np.hypot(*(middles - guess.origin).T) <= max(reach, MIN_MICROLENSES * guess.pitch)]
+    index = np.rint(guess.index(middles))
+    if len(middles) > _MOST_MEASURED:
+        # Of a regular part of them none would be next to another, but all might have the same place among pixels.
+        chosen = np.random.default_rng(0).permutation(len(middles))[:_MOST_MEASURED]
+        middles, index = middles[chosen], index[chosen]
+    if len(middles) < MIN_MICROLENSES:
+        return None
+    measured = measure_subimages(white, guess, middles, levels)
+    lit = _lit(measured)
+    if np.count_nonzero(lit) < MIN_MICROLENSES:
+        return None
+    number = len(middles)
+    middles, index = middles[lit], index[lit]
+    measured = Subimages(*(values[lit] for values in measured))
+    nearness = np.argsort(np.hypot(*(middles - (0.5 * width, 0.5 * height)).T), kind="stable")
+    trust = _trust_by_shape(measured, index, nearness, guess.pitch)
+    design = np.column_stack([np.ones(len(index)), index])
+    places = middles + measured.away
+    steps, away, scale = _robust_fit(design, places, trust)
+    good = away <= _OUTLIER * scale
+    used = int(np.count_nonzero(good))
+    near = np.count_nonzero(away < _LARGEST_RESIDUAL * guess.pitch)
+    if near < _LEAST_SHARE * len(index):
+        return None
+    origin, along, across = ((float(x), float(y)) for x, y in steps)
+    lattice = Lattice(origin, along, across)
+    residual = float(np.sqrt(np.mean(away[good] ** 2)))
+    sample = lattice.place(*index[nearness[good[nearness]][:_SAMPLE_SIZE]].T)
+    return LatticeFit(lattice, residual, used, number, sample)
 
-    waves_x = np.exp(-2j * np.pi * frequencies[:, :1] * (np.arange(width) + 0.5))
-    phasors = np.empty((len(frequencies), len(tops), len(lefts)), dtype=np.complex128)
-    mean = np.empty(phasors.shape[1:])
-    for i, start in enumerate(tops):
-        strip = np.clip(white[start : start + size].astype(np.float64), bottom, top) - bottom
-        waves_y = window * np.exp(-2j * np.pi * frequencies[:, 1:] * (start + np.arange(size) + 0.5))
-        # One product of contiguous matrices: single vectors would go through the strip column by column.
-        lines = np.concatenate([waves_y.real, waves_y.imag, window[None]]) @ strip
-        count = len(frequencies)
-        waves = (lines[:count] + 1j * lines[count : 2 * count]) * waves_x
-        phasors[:, i] = sliding_window_view(waves, size, axis=1)[:, ::step] @ window
-        mean[i] = sliding_window_view(lines[-1], size)[::step] @ window
-    middle = np.stack(np.meshgrid(lefts + 0.5 * size, tops + 0.5 * size), axis=-1)
-    # Of the light that there is, so that a darker border counts as much as the middle.
-    floor = _DARKEST_BLOCK_SIZE * float(np.median(mean)) + np.finfo(float).tiny
-    phasors /= np.maximum(mean, floor)
-    down, right = (
-        np.gradient(mean, step, axis=axis) / np.maximum(mean, floor) if mean.shape[axis] > 1 else np.zeros(mean.shape)
-        for axis in (0, 1)
+
+def _lit(measured: Subimages) -> NDArray[np.bool_]:
+    """Tell which sub-images (n,) have light, and contrast."""
+    lit = measured.light > _LEAST_LIGHT * float(np.quantile(measured.light, 0.9))
+    amplitude = measured.amplitude.mean(axis=1)
+    return np.asarray(
+        lit & (amplitude > _LEAST_AMPLITUDE * float(np.median(amplitude[lit] if lit.any() else amplitude)))
     )
-    phasors /= 1.0 - right * tilts[:, 0, None, None] - down * tilts[:, 1, None, None]
-    change = pitch * np.hypot(right, down)
-    return [BlockPhases(middle, phasor, change) for phasor in phasors]
 
 
-def fit_plane(blocks: BlockPhases, width: int, height: int) -> PhasePlane:
-    """Fit a plane to the phases of blocks by robust least squares, from the middle outwards, since phases wrap."""
-    from scipy.optimize import least_squares
+def _trust_by_shape(measured: Subimages, index: Floats, nearness: NDArray[np.intp], pitch: float) -> Floats:
+    """Compute the weights of sub-images (n,), 0..1, which fall off as their shape is less that of the middle ones.
 
-    middle, phasor, change = blocks.middle.reshape(-1, 2), blocks.phasor.reshape(-1), blocks.change.reshape(-1)
-    amplitude = np.abs(phasor)
-    lit = amplitude > _LEAST_AMPLITUDE * float(np.median(amplitude))
-    lit &= change < max(_LARGEST_CHANGE, 3.0 * float(np.median(change)))
-    centre = np.array([0.5 * width, 0.5 * height])
-    scale = 0.5 * max(width, height)
-    at = (middle - centre) / scale
-    rows = np.column_stack([np.ones(len(at)), at])
-    radius = np.abs(at).max(axis=1)
-
-    plane = np.zeros(3)
-    plane[0] = np.angle(phasor[lit & (radius <= max(0.25, float(radius.min())))].sum()) / (2.0 * np.pi)
-    tolerance = _PHASE_NOISE
-    for reach in (0.25, 0.5, 1.0, 1.0):
-        inside = lit & (radius <= reach)
-        if np.count_nonzero(inside) < MIN_MICROLENSES:
-            continue
-        # Residual phases are about 0, and wrap only for outliers.
-        residuals = _phase_residual(phasor[inside], rows[inside], plane)
-        fit = least_squares(
-            lambda p, a, b: a @ p - b, np.zeros(3), loss="cauchy", f_scale=tolerance, args=(rows[inside], residuals)
-        )
-        plane = plane + fit.x
-        spread = float(np.median(np.abs(_phase_residual(phasor[inside], rows[inside], plane))))
-        tolerance = min(_PHASE_NOISE, max(_LEAST_PHASE_NOISE, 2.0 * spread))
-    residuals = np.abs(_phase_residual(phasor, rows, plane))
-    inliers = lit & (residuals < 3.0 * _PHASE_NOISE)
-    used = int(np.count_nonzero(inliers))
-    residual = float(np.sqrt(np.mean(residuals[inliers] ** 2))) if used else math.inf
-    # Some random phases fit by chance, but not the better half of them.
-    if used < _LEAST_SHARE * len(residuals) or float(np.median(residuals[lit])) > _LARGEST_RESIDUAL:
-        residual = math.inf
-    slope = plane[1:] / scale
-    return PhasePlane(float(plane[0] - slope @ centre), slope, residual, used)
-
-
-def _phase_residual(phasor: NDArray[np.complex128], rows: Floats, plane: Floats) -> Floats:
-    """Subtract a plane from phases (cycles), wrapped to -0.5..0.5."""
-    return np.asarray(np.angle(phasor * np.exp(-2j * np.pi * (rows @ plane))) / (2.0 * np.pi))
-
-
-_SAMPLE_SIZE = 12.0
-"""Microlenses a side of the part in the picture's middle whose sub-images are taken together."""
-
-
-def collect_subimages(white: NDArray[Any], lattice: Lattice, bottom: float, top: float) -> tuple[Floats, Floats]:
-    """Collect the pixels in the middle of a picture, clipped to `bottom` ... `top`, by their place in a sub-image.
-
-    Their light above black (n), and their offset from the middle of the nearest sub-image, right and down (px, n x 2).
+    What is cut off at the edge of a sub-image changes the amplitude of a wave by at least as much as its phase.
     """
-    height, width = white.shape
-    size = math.ceil(_SAMPLE_SIZE * lattice.pitch)
-    first_row, first = max(0, (height - size) // 2), max(0, (width - size) // 2)
-    part = np.clip(white[first_row : first_row + size, first : first + size].astype(np.float64), bottom, top) - bottom
-    x, y = first + np.arange(part.shape[1]) + 0.5, first_row + np.arange(part.shape[0]) + 0.5
-    place = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    # The nearest by index may, of hexagons, be a neighbour of the nearest.
-    base = np.rint(lattice.index(place))
-    around = [place - lattice.place(base[:, 0] + i, base[:, 1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-    offsets = np.stack(around)
-    nearest = (offsets**2).sum(axis=-1).argmin(axis=0)
-    return part.reshape(-1), offsets[nearest, np.arange(len(place))]
+    middle = nearness[: max(2 * MIN_MICROLENSES, round(_REFERENCE_SHARE * len(nearness)))]
+    harmless = 2.0 * np.pi * _HARMLESS / pitch
+    change = measured.amplitude / np.median(measured.amplitude[middle], axis=0) - 1.0
+    trust = np.ones(len(index))
+    # A single one, for what covers it, and those around it, of which the mean tells more than noise does.
+    for each in (change, _mean_around(change, index)):
+        size = np.abs(each - np.median(each[middle], axis=0)).max(axis=1)
+        noise = max(float(np.median(size[middle])), harmless)
+        trust /= (1.0 + (size / (_SHAPE_NOISE * noise)) ** 2) ** 2
+    return trust
 
 
-def wave_tilt(light: Floats, offset: Floats, frequency: Floats) -> NDArray[np.complex128]:
-    """Compute the tilt (2,) of a wave for each unit of fall-off of the light a pixel.
+def _mean_around(values: Floats, index: Floats) -> Floats:
+    """Compute the mean of values (n, k) over the sub-images around each, by column and row (n, 2)."""
+    from scipy.ndimage import uniform_filter
 
-    The light under one microlens is that at its middle, so that with a fall-off g from one to the next a block holds
-    f (1 + g . (x - offset)): besides the wave c of f the first moments m of one sub-image, c - g . m.
+    first = index.min(axis=0)
+    column, row = (index - first).astype(np.intp).T
+    shape = (int(row.max()) + 1, int(column.max()) + 1)
+    # Lattices of hexagons, counted along both of their steps, fill but a part of this rectangle.
+    size = max(3, 2 * round(0.5 * math.sqrt(_AROUND * column.max() * row.max() / len(index))) + 1)
+    present = np.zeros(shape)
+    present[row, column] = 1.0
+    number = uniform_filter(present, size, mode="constant")[row, column]
+    sums = np.zeros((*shape, values.shape[1]))
+    sums[row, column] = values
+    return np.asarray(uniform_filter(sums, (size, size, 1), mode="constant")[row, column] / number[:, None])
+
+
+def _robust_fit(design: Floats, places: Floats, trust: Floats) -> tuple[Floats, Floats, float]:
+    """Fit `design @ steps` to places, with weights that are the product of `trust` and of what falls off with residuals.
+
+    The steps (3, 2), the residuals (n,), and the scale of the errors along an axis.
     """
-    wave = light * np.exp(-2j * np.pi * (offset @ frequency))
-    return np.asarray((wave @ offset) / wave.sum())
+    weight = trust
+    for _ in range(_FIT_ROUNDS):
+        root = np.sqrt(weight)[:, None]
+        steps = np.linalg.lstsq(design * root, places * root, rcond=None)[0]
+        away = np.hypot(*(places - design @ steps).T)
+        # The median of a Rayleigh distribution is 1.18 of its errors along each axis.
+        scale = max(_weighted_median(away, trust) / 1.1774, _HARMLESS)
+        weight = trust / (1.0 + (away / scale) ** 2)
+    return steps, away, scale
 
 
-def lit_diameter(light: Floats, offset: Floats, lattice: Lattice) -> float:
+def _weighted_median(values: Floats, weight: Floats) -> float:
+    """Return the value that has half of the weight below it."""
+    order = np.argsort(values)
+    total = np.cumsum(weight[order])
+    return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])
+
+
+def lit_diameter(white: NDArray[Any], lattice: Lattice, middles: Floats, levels: Levels) -> float:
     """Measure the diameter (pixels) of the disc as large as the part of a sub-image above half its peak light."""
-    bright = float(np.median(light[np.hypot(offset[:, 0], offset[:, 1]) < 0.25 * lattice.pitch]))
-    share = np.count_nonzero(light >= 0.5 * bright) / light.size
+    cells = take_cells(white, lattice, middles, levels)
+    light = cells.light * cells.share
+    away = np.hypot(cells.x[:, None, :], cells.y[:, :, None])
+    bright = float(np.median(light[away < 0.25 * lattice.pitch]))
+    share = np.count_nonzero(light >= 0.5 * bright) / (len(middles) * lattice.area)
     return min(lattice.pitch, 2.0 * math.sqrt(share * lattice.area / math.pi))

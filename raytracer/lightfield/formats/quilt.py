@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film import image_file
-from raytracer.film.formats.registry import display_suffixes, image_suffixes
+from raytracer.film.formats.registry import display_suffixes, image_suffixes, picture_suffixes
 from raytracer.film.image import Image
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.lazy_array import LazyArray
@@ -45,8 +45,9 @@ from raytracer.util.progress import Update, report_progress
 def check_quilt(field: LightField, path: Path, options: ExportOptions) -> None:
     """Check that a quilt can be written; an InputError says why not."""
     suffix = path.suffix.lower()
-    if suffix not in image_suffixes():
-        raise InputError(f"{path}: unknown suffix {path.suffix!r} for a quilt; known: {', '.join(image_suffixes())}")
+    if suffix not in picture_suffixes():
+        known = ", ".join(picture_suffixes())
+        raise InputError(f"{path}: unknown suffix {path.suffix!r} for a quilt; known: {known}")
     if options.bits is not None and suffix != ".png":
         raise InputError(f"{path}: --bits are of .png")
     plan_quilt(field, path, options)
