@@ -13,7 +13,7 @@ from raytracer.analysis.sweep.contact_sheet import SHEET, contact_sheet
 from raytracer.analysis.sweep.manifest import CSV, JSON, RECORDS, write_manifest
 from raytracer.analysis.sweep.page import PAGE, page
 from raytracer.analysis.sweep.results import Images, PointResult, Sweep, SweepPoint
-from raytracer.film.formats.registry import animation_suffixes, image_formats, image_suffixes
+from raytracer.film.formats.registry import animation_suffixes, image_formats, picture_suffixes
 from raytracer.util.atomic_write import check_file, write_bytes
 from raytracer.util.errors import InputError
 
@@ -27,8 +27,8 @@ def normalize_formats(formats: Sequence[str]) -> tuple[str, ...]:
     """
     names = list(dict.fromkeys(name.strip().lower().removeprefix(".") for name in formats))
     for name in names:
-        if f".{name}" not in image_suffixes():
-            raise InputError(f"--format {name}: unknown suffix '.{name}'; known: {', '.join(image_suffixes())}")
+        if f".{name}" not in picture_suffixes():
+            raise InputError(f"--format {name}: unknown suffix '.{name}'; known: {', '.join(picture_suffixes())}")
     # What browsers can show.
     for_display = [name for name in names if image_formats()[f".{name}"].media_type] or ["png"]
     return (*for_display, *(name for name in names if name not in for_display))
@@ -97,5 +97,5 @@ def stale_images(sweep: Sweep) -> list[str]:
         return []
     own = {name for result in sweep.results for name in result.files}
     own |= {SHEET, *(STEM + suffix for suffix in animation_suffixes())}
-    images = (path.name for path in sweep.folder.iterdir() if path.suffix.lower() in image_suffixes())
+    images = (path.name for path in sweep.folder.iterdir() if path.suffix.lower() in picture_suffixes())
     return sorted(name for name in images if name not in own)

@@ -107,6 +107,6 @@ def save_picture(
 
 def picture_suffixes() -> tuple[str, ...]:
     """Return the suffixes of files that hold a picture."""
-    from raytracer.film.formats.registry import image_suffixes
+    from raytracer.film.formats import registry
 
-    return image_suffixes()
+    return registry.picture_suffixes()

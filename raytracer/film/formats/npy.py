@@ -29,12 +29,18 @@ def encode_array(array: NDArray[Any]) -> bytes:
 
 
 def decode_npy(data: bytes) -> NDArray[np.float64]:
-    """Decode a file to linear values, float64 (height, width, 3); a BrokenFileError says that it holds none."""
+    """Decode a file to linear values, float64 (height, width, 3), equal ones for one channel.
+
+    Raises BrokenFileError: it holds something else.
+    """
     array = safe_open.parse_npy(data)
-    if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
-        raise BrokenFileError("is no array of numbers of the shape (height, width, 3)")
+    if array.ndim == 2:
+        array = array[..., None]
+    if array.ndim != 3 or array.shape[2] not in (1, 3) or array.dtype.kind not in "fiu":
+        raise BrokenFileError("is no array of numbers of the shape (height, width, 3) or (height, width)")
     check_size(array.shape[1], array.shape[0], len(data))
-    return np.asarray(array, dtype=np.float64)
+    values = np.asarray(array, dtype=np.float64)
+    return values if values.shape[2] == 3 else np.repeat(values, 3, axis=2)
 
 
 def decode_npy_stored(data: bytes) -> StoredImage:

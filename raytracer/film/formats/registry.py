@@ -40,6 +40,11 @@ def image_suffixes() -> tuple[str, ...]:
     return _suffixes(lambda each: each.decode)
 
 
+def picture_suffixes() -> tuple[str, ...]:
+    """List the suffixes of all files that one image can be written to and read from."""
+    return _suffixes(lambda each: each.decode and (each.encode or each.write))
+
+
 def display_suffixes() -> tuple[str, ...]:
     """List the suffixes of images that hold what a display shows; all others hold linear light."""
     return _suffixes(lambda each: each.decode_display)

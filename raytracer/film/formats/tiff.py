@@ -1,6 +1,13 @@
-"""TIFF files (.tif, .tiff), which textures are read from: 8 or 16 bits, by custom sRGB, or float32."""
+"""TIFF files (.tif, .tiff), which are read: 8 or 16 bits, by custom sRGB, or float32, which is linear."""
 
+from raytracer.film.formats.base import pillow
 from raytracer.film.formats.base.image_format import ImageFormat
-from raytracer.film.formats.base.pillow import decode_stored
 
-FORMAT = ImageFormat((".tif", ".tiff"), is_linear=False, decode_stored=decode_stored, order=50)
+FORMAT = ImageFormat(
+    (".tif", ".tiff"),
+    is_linear=False,
+    decode=pillow.decode_linear,
+    decode_display=pillow.decode_display,
+    decode_stored=pillow.decode_stored,
+    order=50,
+)

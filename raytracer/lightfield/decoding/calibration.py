@@ -150,6 +150,9 @@ _LEAST_AMPLITUDE = 0.4
 _REFERENCE_SHARE = 0.05
 """Share of the sub-images, nearest to the picture's middle, whose shape is that of whole ones."""
 
+_HARMLESS = 0.001
+"""Error of a sub-image's middle (px) that is none: pictures without noise must not be judged by rounding."""
+
 _SHAPE_NOISE = 2.0
 """Change of shape, in units of the median one of whole sub-images, at which a sub-image counts for a quarter."""
 
@@ -207,14 +210,14 @@ def fit_lattice(white: NDArray[Any], guess: Lattice, levels: Levels, reach: floa
     middles, index = middles[lit], index[lit]
     measured = Subimages(*(values[lit] for values in measured))
     nearness = np.argsort(np.hypot(*(middles - (0.5 * width, 0.5 * height)).T), kind="stable")
-    trust = _trust_by_shape(measured, index, nearness)
+    trust = _trust_by_shape(measured, index, nearness, guess.pitch)
     design = np.column_stack([np.ones(len(index)), index])
     places = middles + measured.away
     steps, away, scale = _robust_fit(design, places, trust)
     good = away <= _OUTLIER * scale
     used = int(np.count_nonzero(good))
     near = np.count_nonzero(away < _LARGEST_RESIDUAL * guess.pitch)
-    if used < MIN_MICROLENSES or near < _LEAST_SHARE * len(index):
+    if near < _LEAST_SHARE * len(index):
         return None
     origin, along, across = ((float(x), float(y)) for x, y in steps)
     lattice = Lattice(origin, along, across)
@@ -230,18 +233,19 @@ def _lit(measured: Subimages) -> NDArray[np.bool_]:
     return np.asarray(lit & (amplitude > _LEAST_AMPLITUDE * float(np.median(amplitude[lit] if lit.any() else amplitude))))
 
 
-def _trust_by_shape(measured: Subimages, index: Floats, nearness: NDArray[np.intp]) -> Floats:
+def _trust_by_shape(measured: Subimages, index: Floats, nearness: NDArray[np.intp], pitch: float) -> Floats:
     """Compute the weights of sub-images (n,), 0..1, which fall off as their shape is less that of the middle ones.
 
     What is cut off at the edge of a sub-image changes the amplitude of a wave by at least as much as its phase.
     """
-    middle = nearness[: max(MIN_MICROLENSES, round(_REFERENCE_SHARE * len(nearness)))]
+    middle = nearness[: max(2 * MIN_MICROLENSES, round(_REFERENCE_SHARE * len(nearness)))]
+    harmless = 2.0 * np.pi * _HARMLESS / pitch
     change = measured.amplitude / np.median(measured.amplitude[middle], axis=0) - 1.0
     trust = np.ones(len(index))
     # A single one, for what covers it, and those around it, of which the mean tells more than noise does.
     for each in (change, _mean_around(change, index)):
         size = np.abs(each - np.median(each[middle], axis=0)).max(axis=1)
-        noise = max(float(np.median(size[middle])), float(np.finfo(np.float32).eps))
+        noise = max(float(np.median(size[middle])), harmless)
         trust /= (1.0 + (size / (_SHAPE_NOISE * noise)) ** 2) ** 2
     return trust
 
@@ -274,7 +278,7 @@ def _robust_fit(design: Floats, places: Floats, trust: Floats) -> tuple[Floats, 
         steps = np.linalg.lstsq(design * root, places * root, rcond=None)[0]
         away = np.hypot(*(places - design @ steps).T)
         # The median of a Rayleigh distribution is 1.18 of its errors along each axis.
-        scale = max(_weighted_median(away, trust) / 1.1774, float(np.finfo(np.float32).eps))
+        scale = max(_weighted_median(away, trust) / 1.1774, _HARMLESS)
         weight = trust / (1.0 + (away / scale) ** 2)
     return steps, away, scale
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.lightfield.formats.base.light_field_format import AnyField, Exported, ExportOptions, LightFieldFormat
 from raytracer.lightfield.formats.folders import NAMINGS, Naming
@@ -49,7 +50,12 @@ def check_export(
 
 
 def export(
-    field: AnyField, path: str | Path, *, layout: str | None = None, update: Update | None = None, **options: Any
+    field: LightField | PosedLightField,
+    path: str | Path,
+    *,
+    layout: str | None = None,
+    update: Update | None = None,
+    **options: Any,
 ) -> Exported:
     """Export a light field to a format of another program.
 
@@ -58,7 +64,10 @@ def export(
     path : a folder, or a file.
     layout : name of a format; default: by the name of `path`.
     update : called with the work that is done, and all of it.
-    options : those of the format; see `ExportOptions`.
+    options : those of the format.  Of folders: `suffix` of the pictures, and `bits`, 16 for .png files of 16 bits.  Of
+        one picture: `bits`, and `memory`, bytes of pixels that are held at a time.  Of quilts: `device`; `columns`,
+        `rows`, `size` (width, height in px) and `aspect`; `row` of the views; `baseline` (m) or `view_cone` (degrees);
+        `convergence` (m); `depth`, True to take each point from where its depth puts it.
 
     Raises
     ------
@@ -71,7 +80,7 @@ def export(
 
 
 def export_views(
-    field: AnyField,
+    field: LightField | PosedLightField,
     folder: str | Path,
     *,
     naming: Naming = "grid",
@@ -98,7 +107,7 @@ def export_views(
     return export(field, folder, layout=naming, suffix=suffix, bits=bits, update=update)
 
 
-def export_array(field: AnyField, path: str | Path) -> list[Path]:
+def export_array(field: LightField | PosedLightField, path: str | Path) -> list[Path]:
     """Write the radiance as one array, .npy, view by view, and its geometry beside it.
 
     Raises

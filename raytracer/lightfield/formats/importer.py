@@ -6,7 +6,9 @@ Views are read from their files as they are asked for, where the format lets the
 from pathlib import Path
 from typing import TypedDict, Unpack
 
-from raytracer.lightfield.formats.base.light_field_format import AnyField, ImportOptions
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.posed_field import PosedLightField
+from raytracer.lightfield.formats.base.light_field_format import ImportOptions
 from raytracer.lightfield.formats.geometry import ViewOptics
 from raytracer.lightfield.formats.registry import light_field_formats
 from raytracer.util.errors import InputError
@@ -33,7 +35,7 @@ def import_views(
     flip: str = "",
     interleaved: bool = False,
     **further: Unpack[FurtherOptions],
-) -> AnyField:
+) -> LightField | PosedLightField:
     """Import a light field of another program; its views are read as they are asked for.
 
     Metres need `spacing`, `focus_distance`, and `vfov` or `focal_length` with `sensor`, or files that say as much.

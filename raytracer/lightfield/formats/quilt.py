@@ -13,18 +13,17 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film import image_file
-from raytracer.film.formats.registry import display_suffixes, image_suffixes
+from raytracer.film.formats.registry import display_suffixes, image_suffixes, picture_suffixes
 from raytracer.film.image import Image
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.lazy_array import LazyArray
 from raytracer.film.light_field.views import Plane, Views
-from raytracer.lightfield.depth.depth_map import Depth, depth_map
 from raytracer.lightfield.formats import geometry
 from raytracer.lightfield.formats.array import write_geometry_beside
 from raytracer.lightfield.formats.base.import_geometry import find_geometry
@@ -37,16 +36,19 @@ from raytracer.lightfield.formats.base.light_field_format import (
 from raytracer.lightfield.formats.base.picture_rows import ROW_SUFFIXES, open_picture
 from raytracer.lightfield.formats.base.quilt_plan import NAME, PIXEL_ASPECT, QuiltPlan, plan_quilt
 from raytracer.lightfield.formats.base.stored_picture import LazyMosaic, open_stored
-from raytracer.lightfield.views.synthesis import view_at
 from raytracer.util.errors import InputError
 from raytracer.util.progress import Update, report_progress
+
+if TYPE_CHECKING:
+    from raytracer.lightfield.depth.depth_map import Depth
 
 
 def check_quilt(field: LightField, path: Path, options: ExportOptions) -> None:
     """Check that a quilt can be written; an InputError says why not."""
     suffix = path.suffix.lower()
-    if suffix not in image_suffixes():
-        raise InputError(f"{path}: unknown suffix {path.suffix!r} for a quilt; known: {', '.join(image_suffixes())}")
+    if suffix not in picture_suffixes():
+        known = ", ".join(picture_suffixes())
+        raise InputError(f"{path}: unknown suffix {path.suffix!r} for a quilt; known: {known}")
     if options.bits is not None and suffix != ".png":
         raise InputError(f"{path}: --bits are of .png")
     plan_quilt(field, path, options)
@@ -57,7 +59,7 @@ def write_quilt(field: LightField, path: Path, options: ExportOptions, update: U
     plan = plan_quilt(field, path, options)
     if NAME.fullmatch(path.stem) is None:
         path = path.with_name(f"{path.stem}_qs{plan.columns}x{plan.rows}a{_format_aspect(plan.aspect)}{path.suffix}")
-    depth = depth_map(field) if options.depth else None
+    depth = _estimate_depth(field) if options.depth else None
     bands = _bands(field, plan, depth, update)
     suffix = path.suffix.lower()
     bright = 0
@@ -92,8 +94,14 @@ def _format_aspect(aspect: float) -> str:
     return f"{aspect:.4f}".rstrip("0").rstrip(".")
 
 
+def _estimate_depth(field: LightField) -> "Depth":
+    from raytracer.lightfield.depth.depth_map import depth_map
+
+    return depth_map(field)
+
+
 def _bands(
-    field: LightField, plan: QuiltPlan, depth: Depth | None, update: Update | None
+    field: LightField, plan: QuiltPlan, depth: "Depth | None", update: Update | None
 ) -> Iterator[NDArray[np.float64]]:
     """Make the rows of the quilt from the top down: an empty margin, then one row of views after the other."""
     width, height = plan.size
@@ -110,8 +118,10 @@ def _bands(
             yield band
 
 
-def _tile(field: LightField, plan: QuiltPlan, number: int, depth: Depth | None) -> NDArray[np.float64]:
+def _tile(field: LightField, plan: QuiltPlan, number: int, depth: "Depth | None") -> NDArray[np.float64]:
     """Make one view of the quilt, (height, width, 3)."""
+    from raytracer.lightfield.views.synthesis import view_at
+
     right, up = plan.places[number]
     distance = math.inf if plan.inverse_convergence == 0.0 else 1.0 / plan.inverse_convergence
     view = view_at(field, float(right), float(up), depth=depth, distance=None if depth else distance)

@@ -22,6 +22,7 @@ from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.lazy_array import LazyArray
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.film.light_field.posed_views import PosedViews
+from raytracer.film.light_field.views import Views
 from raytracer.lightfield.formats.base.camera_frames import (
     Transforms,
     arrange,
@@ -171,17 +172,15 @@ def read_cameras(path: Path, options: ImportOptions) -> AnyField:
     return LightField(radiance, _with_lens(file, planar, given), layers, settings=settings)
 
 
-def _with_lens(file: Path, planar: Any, given: Transforms) -> Any:
+def _with_lens(file: Path, planar: Views, given: Transforms) -> Views:
     """Add to the geometry of views in a plane what this program wrote of their lens."""
-    own = given.own
+    numbers = {key: value for key, value in given.own.items() if key in ("aperture", "focal_length")}
     try:
-        cell, aperture, focal_length = (own.get(key) for key in ("cell", "aperture", "focal_length"))
-        return dataclasses.replace(
-            planar,
-            cell=None if cell is None else (float(cell[0]), float(cell[1])),
-            aperture=None if aperture is None else float(aperture),
-            focal_length=None if focal_length is None else float(focal_length),
-        )
+        lens: dict[str, Any] = {key: float(value) for key, value in numbers.items()}
+        if "cell" in given.own:
+            right, up = map(float, given.own["cell"])
+            lens["cell"] = right, up
+        return dataclasses.replace(planar, **lens)
     except (ValueError, TypeError, LookupError, OverflowError) as error:
         raise InputError(f"{file}: rt must hold what rt wrote of the lens: cell, aperture and focal_length") from error
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.formats import pfm
-from raytracer.film.formats.registry import display_suffixes, image_suffixes
+from raytracer.film.formats.registry import display_suffixes, image_suffixes, picture_suffixes
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Views
@@ -132,7 +132,7 @@ def check_folder_export(naming: Naming, field: LightField, folder: Path, options
 
 def check_view_suffix(folder: Path, suffix: str, options: ExportOptions) -> None:
     """Refuse a suffix that views cannot have, and 16 bits where it is not .png."""
-    known = [each for each in image_suffixes() if each != lf.SUFFIX]
+    known = [each for each in picture_suffixes() if each != lf.SUFFIX]
     if suffix not in known:
         raise InputError(f"{folder}: unknown suffix {suffix!r} for views; known: {', '.join(known)}")
     if options.bits is not None and suffix != ".png":

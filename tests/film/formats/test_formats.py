@@ -152,5 +152,5 @@ def test_display_values_are_read_as_they_are_held(tmp_path):
     found = load_encoded(tmp_path / "a.png")
     np.testing.assert_array_equal(found[..., 0] * 255, shades)
     np.testing.assert_array_equal(load(tmp_path / "a.png"), srgb.decode(found))
-    with pytest.raises(InputError, match=r"only \.png, \.jpg, \.jpeg files hold display values"):
+    with pytest.raises(InputError, match=r"only \.png, \.jpg, \.jpeg, \.tif, \.tiff files hold display values"):
         load_encoded(tmp_path / "a.exr")

@@ -103,7 +103,7 @@ PROGRAM = """
 
     # So is docs/examples/ppm.py, which is for a display.
     assert (image_file.load("b.ppm") == image_file.load("b.png")).all()
-    assert display_suffixes() == (".png", ".jpg", ".jpeg", ".ppm")
+    assert display_suffixes() == (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".ppm")
 
     # Messages name them.
     assert main(["render", "scene.yaml", "-o", "a.xyz"]) == 2
@@ -114,8 +114,9 @@ PROGRAM = """
 
 def test_the_lists_of_suffixes():
     assert " ".join(registry.writable_suffixes()) == ".png .jpg .jpeg .exr .hdr .npy .lf .pfm"
-    assert " ".join(registry.image_suffixes()) == ".png .jpg .jpeg .exr .hdr .npy .pfm"
-    assert " ".join(registry.display_suffixes()) == ".png .jpg .jpeg"
+    assert " ".join(registry.image_suffixes()) == ".png .jpg .jpeg .tif .tiff .exr .hdr .npy .pfm"
+    assert " ".join(registry.picture_suffixes()) == ".png .jpg .jpeg .exr .hdr .npy .pfm"
+    assert " ".join(registry.display_suffixes()) == ".png .jpg .jpeg .tif .tiff"
     textures = ".png .jpg .jpeg .bmp .tga .tif .tiff .webp .exr .hdr .npy .pfm"
     assert " ".join(registry.texture_suffixes()) == textures
     assert " ".join(registry.layered_suffixes()) == ".exr .lf"

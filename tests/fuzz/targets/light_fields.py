@@ -18,6 +18,7 @@ from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.views import Plane, Pose, Views
 from raytracer.lightfield.decoding.microlens_grid import Grid, read_grid
 from raytracer.lightfield.formats import geometry, hci
+from raytracer.lightfield.formats.exporter import export
 from raytracer.lightfield.formats.importer import import_views
 from tests.fuzz.harness import target
 from tests.fuzz.targets._parts import npy
@@ -176,6 +177,53 @@ def load_depth_map(data, folder):
     depth = np.asarray(import_views(folder).layers["depth"])
     assert (depth.shape, depth.dtype) == ((2, 2, SIDE, SIDE), np.float64)
     assert np.isnan(depth[0, 1]).all()
+
+
+def _transforms():
+    shared = {"camera_angle_x": 0.7, "w": SIDE, "h": SIDE, "rt": {"rows": 1, "cell": [0.1, 0.1], "aperture": 0.3}}
+    for turn in (0.0, 1.0):
+        frames = []
+        for number in range(3):
+            angle = turn * number
+            c, s = math.cos(angle), math.sin(angle)
+            matrix = [[c, 0.0, s, 0.1 * number], [0.0, 1.0, 0.0, 0.0], [-s, 0.0, c, 0.0], [0.0, 0.0, 0.0, 1.0]]
+            frames.append({"file_path": "p.npy", "depth_file_path": "d.npy", "cx": 1.0, "transform_matrix": matrix})
+        yield json.dumps({**shared, "frames": frames}).encode()
+
+
+_WORDS = '"fl_x"~"k1"~"cy"~"is_fisheye"~"camera_model"~"OPENCV_FISHEYE"~"integer_depth_scale"~NaN~1e999~[[[~null~../'
+
+
+@target("transforms", seeds=_transforms, file="transforms.json", words=_WORDS)
+def load_transforms(path):
+    """Pictures with a camera each."""
+    (path.parent / "p.npy").write_bytes(_picture(".npy"))
+    (path.parent / "d.npy").write_bytes(npy(np.ones((SIDE, SIDE))))
+    field = import_views(path)
+    if isinstance(field, LightField):
+        check(field)
+        return
+    assert np.isfinite(field.views.pose).all()
+    assert (field.views.plane[..., 0] > 0.0).all()
+    assert np.asarray(field.radiance[-1, -1]).shape == (SIDE, SIDE, 3)
+
+
+def _multiview():
+    field = LightField(np.random.default_rng(1).random((1, 2, 2, 2, 3), np.float32), _views(1, 2))
+    with tempfile.TemporaryDirectory() as folder:
+        export(field, Path(folder, "seed.exr"))
+        yield Path(folder, "seed.exr").read_bytes()
+
+
+@target(
+    "multiview",
+    seeds=_multiview,
+    file="given.exr",
+    words="multiView~rt.lightfield~view~left~right~\udcff\udcff\udcff\x7f",
+)
+def load_multiview(path):
+    """OpenEXR files of several views."""
+    check(import_views(path, layout="multiview"))
 
 
 # ---- `.lf`: HDF5, of this program and of others that write the older forms of it

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.film.formats.base.deep import is_deep, read_deep
 from raytracer.film.formats.base.image_format import StoredImage, check_size
 from raytracer.util import srgb
 from raytracer.util.safe_open import BrokenFileError
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 # Pillow would try all that it knows, by content: PostScript, which it hands to another program, among them.
 _FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "WEBP")
 
-_MOST_UINT16 = np.float32(65535.0)
+_LARGEST_UINT16 = 65535
+_MOST_UINT16 = np.float32(_LARGEST_UINT16)
 
 
 @contextlib.contextmanager
@@ -43,39 +45,57 @@ def open_with_pillow(data: bytes, formats: tuple[str, ...] = _FORMATS) -> Iterat
 
 
 def decode_linear(data: bytes) -> NDArray[np.float64]:
-    """Decode a PNG or JPEG file to linear values, float64 (height, width, 3)."""
+    """Decode a PNG, JPEG or TIFF file to linear values, float64 (height, width, 3)."""
     return _decode(data, is_linear=True)
 
 
 def decode_display(data: bytes) -> NDArray[np.float64]:
-    """Decode a PNG or JPEG file to the values that it holds, sRGB-encoded: float64 (height, width, 3) in 0..1."""
+    """Decode a PNG, JPEG or TIFF file to the values that it holds, sRGB-encoded: float64 (height, width, 3) in 0..1."""
     return _decode(data, is_linear=False)
 
 
 def _decode(data: bytes, *, is_linear: bool) -> NDArray[np.float64]:
-    with open_with_pillow(data, ("PNG", "JPEG")) as file:
-        is_deep = file.mode.startswith("I")
-        stored = np.asarray(file if is_deep else file.convert("RGB"))
-
-    # A power for each of all values that there may be is quicker than one for each pixel.
-    largest = 65535 if is_deep else 255
-    shades = np.arange(largest + 1) / largest
-    values = np.take(srgb.decode(shades) if is_linear else shades, stored)
-    return np.repeat(values[..., None], 3, axis=2) if is_deep else values
+    samples = _read_samples(data, ("PNG", "JPEG", "TIFF"), is_opaque=True)
+    if samples.dtype == np.float32:
+        # Numbers that a file stores as such are linear light.
+        values = samples.astype(np.float64)
+        values = values if is_linear else srgb.encode(values)
+    else:
+        # A power for each of all values that there may be is quicker than one for each pixel.
+        largest = int(np.iinfo(samples.dtype).max)
+        shades = np.arange(largest + 1) / largest
+        values = np.take(srgb.decode(shades) if is_linear else shades, samples)
+    channels = values.shape[2]
+    return np.repeat(values[..., :1], 3, axis=2) if channels < 3 else values[..., :3]
 
 
 def decode_stored(data: bytes) -> StoredImage:
     """Decode a file of any of the formats that Pillow reads for textures, with the channels that it has."""
-    with open_with_pillow(data) as file:
+    samples = _read_samples(data, _FORMATS)
+    if samples.dtype == np.uint8:
+        return StoredImage(samples.astype(np.uint8), True)
+    is_integer = samples.dtype == np.uint16
+    return StoredImage(samples.astype(np.float32) / (_MOST_UINT16 if is_integer else np.float32(1.0)), is_integer)
+
+
+def _read_samples(data: bytes, formats: tuple[str, ...], *, is_opaque: bool = False) -> NDArray[Any]:
+    """Read the channels of a file as they are stored, uint8, uint16 or float32 (height, width, channels).
+
+    Channels are grey, or red, green and blue, and opacity where the file has it, unless `is_opaque`.
+    """
+    with open_with_pillow(data, formats) as file:
         if file.mode == "F":
-            return StoredImage(np.array(file, np.float32)[..., None], False)
+            return np.array(file, np.float32)[..., None]
         if file.mode.startswith("I"):
-            return StoredImage((np.array(file, np.float32) / _MOST_UINT16)[..., None], True)
+            return np.clip(np.array(file), 0, _LARGEST_UINT16).astype(np.uint16)[..., None]
+        if is_deep(file, data):
+            return read_deep(lambda content: open_with_pillow(content, formats), file, data)
         transparent = "transparency" in file.info or file.mode in ("PA", "LA", "La", "RGBA", "RGBa")
+        transparent &= not is_opaque
         grey = file.mode in ("1", "L", "LA", "La")
         picture = file.convert(("LA" if transparent else "L") if grey else ("RGBA" if transparent else "RGB"))
         texels = np.array(picture, np.uint8)
-    return StoredImage(texels[..., None] if texels.ndim == 2 else texels, True)
+    return texels[..., None] if texels.ndim == 2 else texels
 
 
 def encode_pixels(pixels: NDArray[np.uint8], name: str, **settings: Any) -> bytes:

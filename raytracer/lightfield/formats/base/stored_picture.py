@@ -96,14 +96,18 @@ class Planes:
 
 
 def _open_bytes(path: Path) -> StoredPicture | None:
-    """Decode a picture of 8 bits, without making linear light of all of it; None for others."""
+    """Decode a picture of integers, without making linear light of all of it; None for others."""
     image_format = image_formats().get(path.suffix.lower())
     if image_format is None or image_format.decode_display is None or image_format.decode_stored is None:
         return None
     with wrap_decode_errors(path.suffix):
-        texels = image_format.decode_stored(safe_open.read_regular(path)).texels
-    if texels.dtype != np.uint8:
+        stored = image_format.decode_stored(safe_open.read_regular(path))
+    texels: NDArray[Any] = stored.texels
+    if not stored.integer:
         return None
+    if texels.dtype != np.uint8:
+        # Integers of 16 bits are given in 0..1, with more digits than they have.
+        texels = np.rint(np.iinfo(np.uint16).max * texels).astype(np.uint16)
     colours = texels[..., :_CHANNELS] if texels.shape[2] >= _CHANNELS else texels[..., :1]
     return StoredPicture(np.broadcast_to(colours, (*texels.shape[:2], _CHANNELS)), decode_integers)
 
