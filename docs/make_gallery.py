@@ -28,7 +28,7 @@ from raytracer.util.srgb import to_uint8
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from docs import gallery_light_fields  # noqa: E402
+from docs import gallery_light_fields, gallery_plenoptic  # noqa: E402
 from docs.examples.lensless import reconstruct, scene_shadow  # noqa: E402
 from docs.gallery_paper import (  # noqa: E402
     FONT_SIZE,
@@ -202,6 +202,7 @@ MADE: Mapping[str, Callable[[], Image.Image]] = {
     "lecture_inside_camera": inside_camera_picture,
     "lecture_lensless": lensless_picture,
     **gallery_light_fields.MADE,
+    **gallery_plenoptic.MADE,
 }
 """What makes the pictures that are more than settings of a scene side by side."""
 

@@ -1908,6 +1908,7 @@ def Microlenses(
     focal_length: float | str | _Numbers | None = ...,
     distance: float | str | None = ...,
     arrangement: Literal["plenoptic", "focused"] = ...,
+    crosstalk: bool = ...,
     rotation: float | str = ...,
     offset: _Numbers = ...,
 ) -> _Microlenses:
@@ -1930,6 +1931,8 @@ def Microlenses(
         `focal_length` [millimetres, or with a unit]
     arrangement : `plenoptic` (1.0), the microlenses lie in the image of the plane of focus and show the main lens;
         `focused` (2.0), they lie before or behind that image, and show it sharply on the sensor
+    crosstalk : whether light also falls under the neighbours of the microlens that it goes through, where the sub-
+        images overlap; else each pixel sees through its own microlens alone
     rotation : angle (deg) by which the array is turned to the left in the picture, about its middle [degrees, or
         with a unit]
     offset : by how much the array is off its place on the sensor (mm), right and up in the picture
