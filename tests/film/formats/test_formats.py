@@ -77,11 +77,18 @@ def test_npy_holds_every_bit(image, tmp_path):
     np.testing.assert_array_equal(load(tmp_path / "a.npy"), image.radiance)
 
 
-@pytest.mark.parametrize("array", [np.zeros((3, 4)), np.zeros((3, 4, 4)), np.zeros((3, 4, 3), complex), np.array("x")])
+@pytest.mark.parametrize("array", [np.zeros(3), np.zeros((3, 4, 4)), np.zeros((3, 4, 3), complex), np.array("x")])
 def test_an_npy_file_that_is_no_image(array, tmp_path):
     np.save(tmp_path / "a.npy", array)
     with pytest.raises(InputError, match=r"is no array of numbers of the shape|must hold real numbers"):
         load(tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize("shape", [(3, 4), (3, 4, 1)])
+def test_an_npy_file_of_one_channel_is_grey(shape, tmp_path):
+    values = np.arange(12.0).reshape(shape)
+    np.save(tmp_path / "a.npy", values)
+    np.testing.assert_array_equal(load(tmp_path / "a.npy"), np.repeat(values.reshape(3, 4, 1), 3, axis=2))
 
 
 def test_an_npy_file_that_would_run_code(tmp_path):
