@@ -3,12 +3,16 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Plane, Views
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 Texture = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
@@ -43,6 +47,32 @@ class Surface:
     tilt: tuple[float, float] = (0.0, 0.0)
     bounds: tuple[float, float, float, float] | None = None
 
+    def meet(self, at: tuple[float, float], slope_x: Array, slope_y: Array) -> tuple[Array, Mask]:
+        """Return z where rays meet the plane, one number for all if it does not lean; True for those that do."""
+        a, b = self.tilt
+        z = np.asarray(self.distance + a * at[0] + b * at[1])
+        if a or b:
+            z = z / (1.0 - a * slope_x - b * slope_y)
+        hit = z > 0.0
+        if self.bounds is not None:
+            left, bottom, far_right, top = self.bounds
+            place_x, place_y = at[0] + slope_x * z, at[1] + slope_y * z
+            hit = hit & (place_x >= left) & (place_x <= far_right) & (place_y >= bottom) & (place_y <= top)
+        return z, hit
+
+
+class Meetable(Protocol):
+    """What rays can meet."""
+
+    @property
+    def texture(self) -> Texture:
+        """Return the radiance at places right and up (m)."""
+        ...
+
+    def meet(self, at: tuple[float, float], slope_x: Array, slope_y: Array) -> tuple[Array, Mask]:
+        """Return z (m) where rays from a place in the plane of the views meet it, and True for those that do."""
+        ...
+
 
 def views(
     rows: int = 9,
@@ -68,7 +98,7 @@ def views(
     )
 
 
-def seen(geometry: Views, surfaces: Sequence[Surface], at: tuple[float, float], supersampling: int = 3):
+def seen(geometry: Views, surfaces: Sequence[Meetable], at: tuple[float, float], supersampling: int = 3):
     """Render the view of a pinhole in the plane of the views: radiance (h, w, 3), and depth in pixels' middles.
 
     Each pixel is the mean over a grid of rays.
@@ -82,15 +112,9 @@ def seen(geometry: Views, surfaces: Sequence[Surface], at: tuple[float, float], 
         nearest = np.full((len(up), len(right)), np.inf)
         value = np.zeros((*nearest.shape, 3))
         for surface in surfaces:
-            a, b = surface.tilt
-            z = surface.distance + a * at[0] + b * at[1]
-            if a or b:
-                z = z / (1.0 - a * slope_x - b * slope_y)
+            z, hit = surface.meet(at, slope_x, slope_y)
+            hit = hit & (z < nearest)
             place_x, place_y = at[0] + slope_x * z, at[1] + slope_y * z
-            hit = (z > 0.0) & (z < nearest)
-            if surface.bounds is not None:
-                left, bottom, far_right, top = surface.bounds
-                hit &= (place_x >= left) & (place_x <= far_right) & (place_y >= bottom) & (place_y <= top)
             nearest = np.where(hit, z, nearest)
             value = np.where(hit[..., None], surface.texture(place_x, place_y), value)
         return value, nearest
@@ -103,7 +127,7 @@ def seen(geometry: Views, surfaces: Sequence[Surface], at: tuple[float, float], 
 
 
 def light_field(
-    geometry: Views, surfaces: Sequence[Surface], *, noise: float = 0.0, supersampling: int = 3
+    geometry: Views, surfaces: Sequence[Meetable], *, noise: float = 0.0, supersampling: int = 3
 ) -> LightField:
     """Render all views, with the layer `depth`, exact; `noise`: standard deviation of what is added to each value."""
     found = [

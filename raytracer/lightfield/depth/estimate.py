@@ -22,10 +22,14 @@ class Estimate(NamedTuple):
 
     inverse : 1 / distance (1/m), float64 (height, width).
     confidence : float64 (height, width), 0 where there is no evidence.
+    rival : 1 / distance (1/m) of the second best explanation, float64 (height, width); None if none is looked for.
+    rival_cost : cost of that as a multiple of the best one's, from 1 on; inf for no other.
     """
 
     inverse: FloatArray
     confidence: FloatArray
+    rival: FloatArray | None = None
+    rival_cost: FloatArray | None = None
 
 
 class DepthContext(NamedTuple):

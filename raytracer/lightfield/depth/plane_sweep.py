@@ -66,7 +66,8 @@ def sweep_planes(context: DepthContext, others: Sequence[ViewIndex], planes: NDA
         for values in context.pool.map(smoothed_cost, range(len(volume.planes))):
             best.add(values)
     number, confidence = best.result()
-    return Estimate(planes[0] + number * (planes[1] - planes[0]), confidence)
+    rival, ratio = best.rival()
+    return Estimate(planes[0] + number * (planes[1] - planes[0]), confidence, planes[rival], ratio)
 
 
 class _CostVolume:
@@ -121,7 +122,10 @@ def _add_view(
 
 
 class _RunningMinimum:
-    """Minimum of a sequence of pictures, with its two neighbours in the sequence, and the mean; pixel by pixel."""
+    """Minimum of a sequence of pictures, with its two neighbours in the sequence, and the mean; pixel by pixel.
+
+    The second lowest of the minima along the sequence is kept, too: ends count as minima.
+    """
 
     def __init__(self, shape: ViewIndex) -> None:
         self._count = 0
@@ -129,6 +133,9 @@ class _RunningMinimum:
         self._number = np.zeros(shape, dtype=np.int64)
         self._least, self._before, self._after = (np.full(shape, np.inf) for _ in range(3))
         self._last = np.full(shape, np.inf)
+        self._is_falling = np.ones(shape, dtype=bool)
+        self._lowest, self._rival = np.full(shape, np.inf), np.full(shape, np.inf)
+        self._lowest_number, self._rival_number = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
 
     def add(self, values: FloatArray) -> None:
         """Take in the next picture."""
@@ -139,9 +146,32 @@ class _RunningMinimum:
         self._least = np.where(is_better, values, self._least)
         self._number = np.where(is_better, self._count, self._number)
         self._after = np.where(is_better, np.inf, self._after)
+        is_rising = values > self._last
+        if self._count:
+            self._add_minima(self._is_falling & is_rising)
+            self._is_falling = ~is_rising
         self._last = values
         self._sum += values
         self._count += 1
+
+    def _add_minima(self, is_minimum: NDArray[np.bool_]) -> None:
+        """Take in the minima that the last picture turns out to be."""
+        values, number = self._last, self._count - 1
+        is_lowest = is_minimum & (values < self._lowest)
+        is_rival = is_minimum & ~is_lowest & (values < self._rival)
+        self._rival = np.where(is_lowest, self._lowest, np.where(is_rival, values, self._rival))
+        self._rival_number = np.where(is_lowest, self._lowest_number, np.where(is_rival, number, self._rival_number))
+        self._lowest = np.where(is_lowest, values, self._lowest)
+        self._lowest_number = np.where(is_lowest, number, self._lowest_number)
+
+    def rival(self) -> tuple[NDArray[np.int64], FloatArray]:
+        """Return the index of the second lowest minimum, and its value as a multiple of the lowest; inf for none."""
+        self._add_minima(self._is_falling)
+        self._is_falling = np.zeros_like(self._is_falling)
+        # Nothing is less than rounding, even where views are the same.
+        least = np.maximum(self._lowest, np.finfo(np.float64).eps)
+        ratio = np.maximum(self._rival, least) / least
+        return np.where(np.isfinite(ratio), self._rival_number, self._lowest_number), ratio
 
     def result(self) -> tuple[FloatArray, FloatArray]:
         """Return the index of the minimum, refined by a parabola, and its confidence: its depth below the mean."""
