@@ -36,7 +36,9 @@ if TYPE_CHECKING:
     from raytracer.lightfield.viewer.page import page, write_page
     from raytracer.lightfield.views.camera_paths import look_around, path_places
     from raytracer.lightfield.views.contact_sheet import montage
+    from raytracer.lightfield.views.free_camera import FreeCamera, free_camera, orbit, path_through
     from raytracer.lightfield.views.synthesis import view_at
+    from raytracer.lightfield.views.unstructured import FreeView, view_from, views_along
 
 _MODULES = {
     "raytracer.film.light_field.field": ("LightField", "Rays"),
@@ -61,7 +63,9 @@ _MODULES = {
     "raytracer.lightfield.viewer.page": ("page", "write_page"),
     "raytracer.lightfield.views.camera_paths": ("look_around", "path_places"),
     "raytracer.lightfield.views.contact_sheet": ("montage",),
+    "raytracer.lightfield.views.free_camera": ("FreeCamera", "free_camera", "orbit", "path_through"),
     "raytracer.lightfield.views.synthesis": ("view_at",),
+    "raytracer.lightfield.views.unstructured": ("FreeView", "view_from", "views_along"),
 }
 """Public names by module.  No module of this package is called as a public name: imported, it would hide that."""
 
@@ -73,6 +77,8 @@ __all__ = [
     "Decoded",
     "Depth",
     "FourierRefocuser",
+    "FreeCamera",
+    "FreeView",
     "Grid",
     "LightField",
     "Optics",
@@ -95,19 +101,24 @@ __all__ = [
     "export_views",
     "find_grid",
     "focal_stack",
+    "free_camera",
     "import_views",
     "look_around",
     "montage",
     "of",
     "open",
     "open_posed",
+    "orbit",
     "page",
     "path_places",
+    "path_through",
     "read_grid",
     "refocus",
     "refocusable",
     "supersampled",
     "view_at",
+    "view_from",
+    "views_along",
     "write",
     "write_page",
 ]

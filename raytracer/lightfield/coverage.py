@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LIT_LAYER, LightField
+from raytracer.film.light_field.posed_field import PosedLightField
+from raytracer.film.light_field.posed_views import PosedViews
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.util.errors import InputError
@@ -30,19 +32,26 @@ def within_lens(views: Views) -> Mask:
     return np.asarray(np.hypot(views.position[..., 0], views.position[..., 1]) <= 0.5 * views.aperture)
 
 
-def lit_views(field: LightField) -> Mask:
+def _gathers_light(views: Views | PosedViews) -> Mask:
+    """Find the views that are not outside of the lens that all are behind: bool (rows, columns)."""
+    if isinstance(views, PosedViews):
+        return np.ones((views.rows, views.columns), dtype=bool)
+    return np.asarray(cell_weights(views) > 0.0)
+
+
+def lit_views(field: LightField | PosedLightField) -> Mask:
     """Find the views with a pixel that any light came to, by the lens, and by the layer `lit`: bool (rows, columns)."""
-    lit = cell_weights(field.views) > 0.0
+    lit = _gathers_light(field.views)
     if LIT_LAYER in field.layers:
         for row, column in np.argwhere(lit):
             lit[row, column] = np.any(field.layers[LIT_LAYER][int(row), int(column)])
     return lit
 
 
-def require_lit(field: LightField, row: int, column: int) -> None:
+def require_lit(field: LightField | PosedLightField, row: int, column: int) -> None:
     """Raise an InputError if no light came to a view."""
     lit = field.lit(row, column)
-    if cell_weights(field.views)[row, column] == 0.0 or (lit is not None and not lit.any()):
+    if not _gathers_light(field.views)[row, column] or (lit is not None and not lit.any()):
         raise InputError(f"no light came to view {row},{column}: it lies outside the lens")
 
 

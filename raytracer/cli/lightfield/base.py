@@ -3,13 +3,14 @@
 Functions that check or parse raise an InputError for what is wrong.
 """
 
+import sys
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from typer import Argument, Option
 
-from raytracer.cli.base.options import parse_dimension, takes
+from raytracer.cli.base.options import parse_dimension, parse_sizing, takes
 from raytracer.schema.units import Dimension
 from raytracer.util.errors import InputError
 
@@ -18,7 +19,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from raytracer.film.light_field.field import LightField
-    from raytracer.film.light_field.lf import OpenField
+    from raytracer.film.light_field.lf import OpenField, OpenPosedField
+    from raytracer.film.light_field.posed_field import PosedLightField
+    from raytracer.film.light_field.posed_views import PosedViews
+    from raytracer.lightfield.depth.depth_map import Depth
+    from raytracer.util.progress import Update
 
 File = Annotated[str, Argument(metavar="FILE", help="Light field: .lf.")]
 Near = Annotated[str | None, takes("LENGTH", "Nothing is nearer: 80cm.  Default: searched for.")]
@@ -67,6 +72,83 @@ def parse_distance(option: str, text: str | None) -> float | None:
     return distance
 
 
+def parse_point(option: str, text: str) -> tuple[float, float, float]:
+    """Parse a point or a direction in the scene: three lengths (m)."""
+    parts = text.split(",")
+    if len(parts) != 3:
+        raise InputError(f"{option} {text}: must be three lengths, x, y and z: 1,0.5,3")
+    x, y, z = (parse_dimension(option, part, "length") for part in parts)
+    return x, y, z
+
+
+class Framing(NamedTuple):
+    """Framing of a picture from a point in the scene.
+
+    up : direction that is up in it.
+    vfov (deg), size (px) : field of view, and width and height; None for those of the views.
+    """
+
+    up: tuple[float, float, float]
+    vfov: float | None
+    size: tuple[int, int] | None
+
+
+def parse_framing(up: str, vfov: str | None, size: str | None) -> Framing:
+    """Parse the options --up, --vfov and --size."""
+    angle = None if vfov is None else parse_dimension("--vfov", vfov, "angle")
+    return Framing(parse_point("--up", up), angle, parse_sizing(size, None).size)
+
+
+def open_any(file: str) -> "OpenField | OpenPosedField":
+    """Open the light field in a file, of views in one plane or with poses of their own, to use in a `with` block."""
+    from raytracer.film.light_field import lf
+
+    return lf.open_posed(file) if lf.is_posed(file) else lf.open(file)
+
+
+def require_plane(field: "LightField | PosedLightField", option: str) -> "LightField":
+    """Return a light field if its views stand in one plane; an InputError says that an option needs that."""
+    from raytracer.film.light_field.field import LightField
+
+    if not isinstance(field, LightField):
+        raise InputError(f"{option} needs views in one plane, and these have poses of their own: give --from")
+    return field
+
+
+def posed_views(field: "LightField | PosedLightField") -> "PosedViews":
+    """Return the geometry of a light field, each view with its pose."""
+    from raytracer.film.light_field.posed_views import PosedViews
+    from raytracer.film.light_field.views import Views
+
+    return PosedViews.of(field.views) if isinstance(field.views, Views) else field.views
+
+
+def estimate_depth(
+    field: "LightField | PosedLightField", *, distance: float | None, update: "Update"
+) -> "Depth | None":
+    """Estimate the depth that pictures from any place are drawn by, if it takes an estimate; None if not."""
+    from raytracer.film.light_field.field import LightField
+    from raytracer.lightfield.depth.depth_map import depth_map
+    from raytracer.lightfield.views.view_surfaces import DEPTH_LAYER
+
+    is_needed = distance is None and DEPTH_LAYER not in field.layers
+    return depth_map(field, update=update) if is_needed and isinstance(field, LightField) else None
+
+
+def report_unknown(share: float, *, quiet: bool) -> None:
+    """Say of which share of a picture, or of the pictures of a path, nothing is known.
+
+    Raises
+    ------
+    InputError : nothing is known of all of it.
+    """
+    if share == 1.0:
+        raise InputError("nothing is known of what is seen from there: no view sees it")
+    if share > 0.0 and not quiet:
+        percent = f"{100.0 * share:.2g} %"
+        print(f"nothing is known of {percent} of the pixels, which are black: no view sees them", file=sys.stderr)
+
+
 def open_light_field(file: str) -> "OpenField":
     """Open the light field in a file, to use in a `with` block; see `lf.open`."""
     from raytracer.film.light_field import lf
@@ -97,7 +179,10 @@ def check_folder(path: Path) -> None:
 
 
 def save_picture(
-    radiance: "NDArray[np.float64]", path: Path, field: "LightField", layers: "Mapping[str, Any] | None" = None
+    radiance: "NDArray[np.float64]",
+    path: Path,
+    field: "LightField | PosedLightField",
+    layers: "Mapping[str, Any] | None" = None,
 ) -> None:
     """Write a picture of a light field in the format that its suffix names."""
     from raytracer.film.image import Image

@@ -1,4 +1,4 @@
-"""`rt lightfield views`: one view, one between others, all of them, or a montage."""
+"""`rt lightfield views`: one view, one between others or from anywhere, all of them, or a montage."""
 
 import sys
 from pathlib import Path
@@ -15,7 +15,9 @@ from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     from raytracer.film.light_field.field import LightField
+    from raytracer.film.light_field.posed_field import PosedLightField
     from raytracer.film.light_field.views import Views
+    from raytracer.lightfield.views.free_camera import Point
     from raytracer.util.progress import Update
 
 EXAMPLE = """\b
@@ -25,6 +27,7 @@ Examples:
   rt lightfield views array.lf --at 3mm,-1mm -o between.png  what a pinhole there sees, from the views around
   rt lightfield views array.lf --at 3mm,-1mm --depth -o between.png
   rt lightfield views array.lf --view 8,8 --scale 2 -o fine.png
+  rt lightfield views around.lf --from 1,0.5,3 --toward 0,0,0 -o new.png
   rt lightfield views array.lf --all -o views --format exr   a file for each
 """
 
@@ -39,7 +42,18 @@ def views(
     depth: Annotated[
         bool, Option("--depth", help="With --at: take each point from where its depth puts it in the views around.")
     ] = False,
-    distance: Annotated[str | None, takes("LENGTH", "With --at: the plane that is sharp, without --depth.")] = None,
+    distance: Annotated[
+        str | None, takes("LENGTH", "With --at or --from: the plane that is sharp, without depth.")
+    ] = None,
+    look_from: Annotated[
+        str | None, takes("X,Y,Z", "What is seen from a point in the scene, also before or behind the views.", "--from")
+    ] = None,
+    toward: Annotated[str | None, takes("X,Y,Z", "With --from: the point in the middle of the picture.")] = None,
+    up: Annotated[str, takes("X,Y,Z", "With --from: the direction that is up in the picture.")] = "0,1,0",
+    vfov: Annotated[
+        str | None, takes("ANGLE", "With --from: vertical field of view, 40 deg.  Default: that of the views.")
+    ] = None,
+    size: Annotated[str | None, takes("WxH", "With --from: pixels of the picture.  Default: those of a view.")] = None,
     scale: Annotated[
         int, Option(min=1, max=4, help="With --view: pixels along one, from what all views know of it.")
     ] = 1,
@@ -50,15 +64,20 @@ def views(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Extract views of a light field: one, one between others, all, or all on one picture (default).
+    """Extract views of a light field: one, one between others or from anywhere, all, or all on one picture (default).
 
-    Places are in metres in the plane of the views (plain numbers too; 3mm, 1cm): rt lightfield info says how far it
-    goes.
+    Places are in metres (plain numbers too; 3mm, 1cm), with --at in the plane of the views, with --from in the scene:
+    rt lightfield info says how far it goes.  With --from each point is taken from the views that see it best, by their
+    layer depth if there is one.
     """
-    if sum((view is not None, at is not None, every)) > 1:
-        raise InputError("--view, --at and --all each ask for something else: give one of them")
-    if at is None and (depth or distance is not None):
-        raise InputError("--depth and --distance say how a view between others is made: give --at too")
+    if sum((view is not None, at is not None, look_from is not None, every)) > 1:
+        raise InputError("--view, --at, --from and --all each ask for something else: give one of them")
+    if at is None and look_from is None and (depth or distance is not None):
+        raise InputError("--depth and --distance say how a view between others is made: give --at or --from too")
+    if (look_from is None) != (toward is None):
+        raise InputError("--from and --toward say from where to look, and where to: give both")
+    if look_from is None and (vfov is not None or size is not None):
+        raise InputError("--vfov and --size are those of a picture from a point in the scene: give --from too")
     if depth and distance is not None:
         raise InputError("--depth and --distance: give one of them")
     if scale > 1 and view is None:
@@ -77,37 +96,62 @@ def views(
         base.check_outputs([output], base.picture_suffixes(), "a view")
 
     from raytracer.lightfield.coverage import require_lit
-    from raytracer.lightfield.depth.depth_map import depth_map, reference_view
+    from raytracer.lightfield.depth.depth_map import check_view, depth_map
     from raytracer.lightfield.super_resolution import supersampled
     from raytracer.lightfield.views.contact_sheet import montage
     from raytracer.lightfield.views.synthesis import view_at
     from raytracer.util.progress import Bar
 
-    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    if look_from is not None and toward is not None:
+        ends = base.parse_point("--from", look_from), base.parse_point("--toward", toward)
+        _draw_from(file, output, ends, base.parse_framing(up, vfov, size), plane, quiet)
+        return
+    with base.open_any(file) as field, Bar(" steps", quiet=quiet) as bar:
         geometry = field.views
         if every:
             _save_all(field, output, ending, bar.update, quiet)
             return
         with options.name_in_errors(file):
             if index is not None:
-                chosen = reference_view(geometry, *index)
+                chosen = check_view(geometry, *index)
                 require_lit(field, *chosen)
                 if scale == 1:
                     picture = field.view(*chosen)
                 else:
-                    depths = depth_map(field, row=chosen[0], column=chosen[1], update=bar.update)
-                    picture = supersampled(field, scale, depths, update=bar.update)
+                    planar = base.require_plane(field, "--scale")
+                    depths = depth_map(planar, row=chosen[0], column=chosen[1], update=bar.update)
+                    picture = supersampled(planar, scale, depths, update=bar.update)
             elif position is not None:
-                _check_within(geometry, at, position)
-                around = depth_map(field, update=bar.update) if depth else None
-                picture = view_at(field, *position, depth=around, distance=plane)
+                planar = base.require_plane(field, "--at")
+                _check_within(planar.views, at, position)
+                around = depth_map(planar, update=bar.update) if depth else None
+                picture = view_at(planar, *position, depth=around, distance=plane)
             else:
                 picture = montage(field, width=4096 if width is None else width)
         base.save_picture(picture, output, field)
     report_written(output, quiet=quiet)
 
 
-def _save_all(field: "LightField", folder: Path, ending: str, update: "Update", quiet: bool) -> None:
+def _draw_from(
+    file: str, output: Path, ends: tuple["Point", "Point"], framing: base.Framing, distance: float | None, quiet: bool
+) -> None:
+    """Draw and write the picture from a point in the scene towards another, and say how much of it is not known."""
+    import numpy as np
+
+    from raytracer.lightfield.views.free_camera import free_camera
+    from raytracer.lightfield.views.unstructured import view_from
+    from raytracer.util.progress import Bar
+
+    with base.open_any(file) as field, Bar(" steps", quiet=quiet) as bar, options.name_in_errors(file):
+        camera = free_camera(*ends, base.posed_views(field), **framing._asdict())
+        depth = base.estimate_depth(field, distance=distance, update=bar.update)
+        drawn = view_from(field, camera, depth=depth, distance=distance)
+        base.report_unknown(drawn.unknown, quiet=quiet)
+        base.save_picture(np.nan_to_num(drawn.radiance), output, field, {"depth": drawn.depth})
+    report_written(output, quiet=quiet)
+
+
+def _save_all(field: "LightField | PosedLightField", folder: Path, ending: str, update: "Update", quiet: bool) -> None:
     """Write all views that any light came to, each in a file with its row and column; say how many got none."""
     from raytracer.lightfield.coverage import lit_views
     from raytracer.util.progress import report_progress

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.posed_views import PosedViews
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import extrapolate_unlit, require_lit, within_lens
 from raytracer.lightfield.depth.estimate import (
@@ -166,12 +167,16 @@ def _has_enough_views(field: LightField, others: Sequence[ViewIndex]) -> NDArray
 def reference_view(views: Views, row: int | None, column: int | None) -> ViewIndex:
     """Return row and column of a view, the middle by default; raise an InputError if there is no such view."""
     middle = views.nearest()
-    chosen = middle[0] if row is None else row, middle[1] if column is None else column
-    if not (0 <= chosen[0] < views.rows and 0 <= chosen[1] < views.columns):
+    return check_view(views, middle[0] if row is None else row, middle[1] if column is None else column)
+
+
+def check_view(views: Views | PosedViews, row: int, column: int) -> ViewIndex:
+    """Return row and column of a view; raise an InputError if there is no such view."""
+    if not (0 <= row < views.rows and 0 <= column < views.columns):
         raise InputError(
-            f"no view {chosen[0]},{chosen[1]}: the light field has {views.rows} rows of {views.columns}, counted from 0"
+            f"no view {row},{column}: the light field has {views.rows} rows of {views.columns}, counted from 0"
         )
-    return chosen
+    return row, column
 
 
 def _select_views(views: Views, reference: ViewIndex) -> list[ViewIndex]:

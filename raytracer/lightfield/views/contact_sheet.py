@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.lightfield.coverage import lit_views
 from raytracer.util.errors import InputError
 
@@ -15,7 +16,7 @@ _UNLIT = 0.2159
 """Grey of views without light: 128 of sRGB, as a share of white."""
 
 
-def montage(field: LightField, *, width: int | None = None, gap: int = 2) -> FloatArray:
+def montage(field: LightField | PosedLightField, *, width: int | None = None, gap: int = 2) -> FloatArray:
     """Arrange all views on one picture, the highest row first: float64 (height, width, 3), gaps white.
 
     Views without light are grey.  Views are read one at a time, and reduced by averaging whole pixels.

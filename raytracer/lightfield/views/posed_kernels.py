@@ -87,54 +87,46 @@ def pixel_slopes(depth, pixel, slopes):
     """Measure the change of depth over a pixel of a view, by neighbours on the same surface: right, down, and most.
 
     depth : float64 (height, width).
-    slopes : float64 (height, width, 4), the result: NaN where a pixel has no neighbour on its surface; the last is 1
-        where all four are, so that the pixel sees nothing else.
+    slopes : float64 (height, width, 4), the result: the third is NaN where a pixel has no neighbour on its surface, or
+        may see what is behind it; the last is 1 where all four are on its surface, so that the pixel sees nothing else.
     """
     height, width = depth.shape
     for y in range(height):
         for x in range(width):
             here = depth[y, x]
             most, neighbours = 0.0, 0
+            # Before what goes on smoothly behind it, a pixel may see that in part, and its depth be a mean.
+            is_whole = True
             for axis in range(2):
                 total, count = 0.0, 0
                 for sign in (-1, 1):
                     dx, dy = (sign, 0) if axis == 0 else (0, sign)
-                    if not _is_step(depth, pixel, x, y, dx, dy):
+                    if _is_step(depth, pixel, x, y, dx, dy):
+                        is_before = _depth_at(depth, x + dx, y + dy) < here
+                        if is_before and not _is_step(depth, pixel, x + dx, y + dy, dx, dy):
+                            is_whole = False
+                    else:
                         change = depth[y + dy, x + dx] - here
                         total += sign * change
                         count += 1
                         most = max(most, abs(change))
                 slopes[y, x, axis] = total / count if count > 0 else 0.0
                 neighbours += count
-            slopes[y, x, 2] = most if neighbours > 0 else math.nan
+            slopes[y, x, 2] = most if neighbours > 0 and is_whole else math.nan
             slopes[y, x, 3] = 1.0 if neighbours == 4 else 0.0
 
 
 @kernel
-def _reach(depth, x, y, dx, dy):
-    """Return how far a pixel's surface reaches towards a neighbour, in pixels from its middle.
-
-    To the pixel's edge; of a pixel that nothing is seen beside, only part is covered, half of it on average, though its
-    depth is the mean of where something is seen.
-    """
-    return 0.0 if _depth_at(depth, x + dx, y + dy) == 0.0 and depth[y, x] > 0.0 else 0.5
-
-
-@kernel
 def _corner(depth, slopes, pixel, x, y, dx, dy):
-    """Return the place of a pixel's corner, right and down from its middle, and its depth.
-
-    The depth is the mean of the pixels around that are of its surface.
-    """
-    reach_x, reach_y = dx * _reach(depth, x, y, dx, 0), dy * _reach(depth, x, y, 0, dy)
-    total, count = depth[y, x] + reach_x * slopes[y, x, 0] + reach_y * slopes[y, x, 1], 1
+    """Return the depth of a pixel's corner: the mean of the pixels around it that are of its surface."""
+    total, count = depth[y, x] + 0.5 * (dx * slopes[y, x, 0] + dy * slopes[y, x, 1]), 1
     if not _is_step(depth, pixel, x, y, dx, 0):
-        total += depth[y, x + dx] + (reach_x - dx) * slopes[y, x + dx, 0] + reach_y * slopes[y, x + dx, 1]
+        total += depth[y, x + dx] - 0.5 * (dx * slopes[y, x + dx, 0] - dy * slopes[y, x + dx, 1])
         count += 1
     if not _is_step(depth, pixel, x, y, 0, dy):
-        total += depth[y + dy, x] + reach_x * slopes[y + dy, x, 0] + (reach_y - dy) * slopes[y + dy, x, 1]
+        total += depth[y + dy, x] + 0.5 * (dx * slopes[y + dy, x, 0] - dy * slopes[y + dy, x, 1])
         count += 1
-    return reach_x, reach_y, max(total / count, 0.0)
+    return max(total / count, 0.0)
 
 
 @entry
@@ -157,8 +149,8 @@ def draw_surface(source, depth, slopes, target, surface, quad):
             low_x, high_x, low_y, high_y = math.inf, -math.inf, math.inf, -math.inf
             for i in range(4):
                 dx, dy = 2 * (i & 1) - 1, 2 * (i >> 1) - 1
-                reach_x, reach_y, inverse = _corner(depth, slopes, source[PIXEL], x, y, dx, dy)
-                px, py, pz = _from_view(source, x + 0.5 + reach_x, y + 0.5 + reach_y, inverse)
+                inverse = _corner(depth, slopes, source[PIXEL], x, y, dx, dy)
+                px, py, pz = _from_view(source, x + 0.5 + 0.5 * dx, y + 0.5 + 0.5 * dy, inverse)
                 right, up, ahead = _to_view(target, px, py, pz, inverse)
                 if ahead <= 0.0:
                     is_ahead = False

@@ -119,7 +119,7 @@ def _average_subpixels(fine: FreeView) -> FreeView:
         parts = parts.reshape(height, width, _SUBPIXELS**2, -1)
         known = ~np.isnan(parts)
         total, count = np.where(known, parts, 0.0).sum(axis=2), known.sum(axis=2)
-        return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+        return np.asarray(np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0))
 
     return FreeView(mean(fine.radiance), mean(fine.depth)[..., 0])
 
@@ -190,13 +190,12 @@ def _blending_weights(best: FloatArray) -> FloatArray:
     """
     penalty = best[..., 0]
     last = penalty[..., -1:]
-    falling = np.where(
-        np.isinf(last), 1.0, 1.0 - np.divide(penalty, last, out=np.ones(penalty.shape), where=last > 0.0)
-    )
+    is_falling = np.isfinite(last) & (last > 0.0)
+    falling = 1.0 - np.where(is_falling, penalty, 0.0) / np.where(is_falling, last, 1.0)
     weight = np.divide(falling, penalty, out=np.zeros(penalty.shape), where=np.isfinite(penalty) & (penalty > 0.0))
     # A ray that a view has itself is taken from that view alone.
     own = penalty == 0.0
     weight = np.where(own.any(axis=-1, keepdims=True), own, weight)
     total = weight.sum(axis=-1, keepdims=True)
     weight = np.divide(weight, total, out=np.zeros(weight.shape), where=total > 0.0)
-    return np.stack([weight, best[..., 1]], axis=-1)
+    return np.asarray(np.stack([weight, best[..., 1]], axis=-1))

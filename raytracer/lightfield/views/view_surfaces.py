@@ -33,7 +33,7 @@ def layer_depth(field: PosedLightField) -> DepthOfView:
         layer = np.asarray(field.layers[DEPTH_LAYER][row, column], dtype=np.float64)
         lit = field.lit(row, column)
         is_known = layer > 0.0 if lit is None else lit & (layer > 0.0)
-        return np.divide(1.0, layer, out=np.full(layer.shape, np.nan), where=is_known)
+        return np.asarray(np.divide(1.0, layer, out=np.full(layer.shape, np.nan), where=is_known))
 
     return depth
 
