@@ -9,6 +9,8 @@ import pytest
 
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.posed_field import PosedLightField
+from raytracer.film.light_field.posed_views import PosedViews
 from raytracer.film.light_field.views import Plane, Views
 from tests.lightfield.test_capturing import SCENE as ARRAY
 
@@ -113,3 +115,55 @@ def test_a_picture_of_one_view_is_refused_before_it_is_rendered(camera, keys, op
         "rt: a.lf: the picture is of one view, or a part of one, and no light field: render the whole picture of a "
         "camera_array, light_slab or light_field, or of a thin_lens with the AOV rays\n"
     )
+
+
+def test_other_layouts_by_name_and_by_option(file, rt):
+    """Each is taken back: the light field is of one value, which no format changes by more than its steps."""
+    outputs = {
+        "a_qs2x1a1.3333.png": ("", ""),
+        "m.exr": ("--layout mosaic", "--rows 1 --columns 2"),
+        "i.png": ("--layout interleaved --bits 16 --memory 1MB", "--rows 1 --columns 2 --interleaved"),
+        "v.exr": ("", ""),
+        "t": ("--layout transforms --format npy", ""),
+        "h": ("--naming hci --bits 16", ""),
+    }
+    a = lf.open(file)
+    for output, (exporting, importing) in outputs.items():
+        said = rt(f"lightfield export a.lf -o {output} {exporting}").err
+        assert said.startswith("wrote ")
+        assert "note" not in said
+        assert "note" not in rt(f"lightfield import {output} -o b.lf {importing}").err
+        b = lf.open("b.lf")
+        assert np.allclose(b.radiance[:], a.radiance[:], rtol=0.0, atol=0.003), output
+        assert np.allclose(b.views.position, a.views.position, rtol=0.0, atol=1e-14), output
+        assert b.views.inverse_focus == pytest.approx(0.4, abs=1e-12), output
+        b.close()
+
+
+def test_a_quilt_for_a_display(file, rt, refused):
+    said = rt("lightfield export a.lf -o q.png --device portrait --size 64x60 --convergence 2m").err
+    assert "wrote q_qs8x6a0.75.png\nwrote q_qs8x6a0.75.geometry.json\nnote: views are cropped by " in said
+    rt("lightfield import q_qs8x6a0.75.png -o q.lf")
+    views = lf.open("q.lf").views
+    assert (views.rows, views.columns, views.width, views.height) == (1, 48, 8, 10)
+    assert views.focus_distance == pytest.approx(2.0)
+    assert np.ptp(views.position[0, :, 0]) == pytest.approx(0.02)
+    assert refused("lightfield export q.lf -o a.png --device portrait --baseline 1m") == (
+        "rt: a.png: a baseline of 1 m is wider than that of the views, 0.02 m\n"
+    )
+
+
+def test_cameras_anywhere_go_out_and_come_back(here, rt, refused):
+    turned = np.array(
+        [[[0.0, 0, 2], [1, 0, 0], [0, 1, 0], [0, 0, -1]], [[2.0, 0, 0], [0, 0, -1], [0, 1, 0], [-1, 0, 0]]]
+    )
+    views = PosedViews(turned[None], np.broadcast_to([0.1, -0.2, 0.15], (1, 2, 3)), 4, 3)
+    field = PosedLightField(np.random.default_rng(0).random((1, 2, 3, 4, 3), np.float32), views)
+    lf.write("a.lf", field)
+    assert "wrote 3 files to t" in rt("lightfield export a.lf -o t --layout transforms --format exr").err
+    rt("lightfield import t -o b.lf")
+    found = lf.open_posed("b.lf")
+    assert np.array_equal(found.radiance[:], field.radiance)
+    assert np.allclose(found.views.pose, views.pose, rtol=0.0, atol=1e-15)
+    said = refused("lightfield export a.lf -o views")
+    assert said == "rt: views: views have poses of their own, which grid cannot tell: export as transforms\n"

@@ -84,9 +84,10 @@ def test_a_file_that_another_program_wrote_again_keeps_its_geometry(tmp_path):
 
 
 def test_what_the_format_cannot_hold_is_told(tmp_path):
-    field = light_field(np.float64, depth=np.ones(SHAPE), far=np.ones(SHAPE, np.int64))
+    far, red = np.ones(SHAPE, np.int64), np.ones(SHAPE)
+    field = light_field(np.float64, depth=np.ones(SHAPE), far=far, R=red)
     result = export(field, tmp_path / "a.exr")
-    assert result.notes == ("left out, which the format cannot hold: far",)
+    assert result.notes == ("left out, which the format cannot hold: far, R",)
     found = import_views(tmp_path / "a.exr")
     assert np.array_equal(np.asarray(found.radiance), field.radiance.astype(np.float32))
 
@@ -186,6 +187,7 @@ def test_a_geometry_that_lies_is_refused(tmp_path):
         r"is the geometry of views .*; there are": {"width": WIDTH + 1},
         "does not say the types of its channels": {"channels": {"R": "f8"}},
         "has other channels than it says": {"channels": {**stated["channels"], "X": "f4"}},
+        "has not the channels of its layers": {"layers": {"depth": ["Z"]}},
         "is no geometry of a light field": {"pixel": "wide"},
     }
     for sentence, keys in lies.items():

@@ -113,6 +113,22 @@ def test_more_views_than_there_are_stand_between_them(tmp_path):
     assert np.allclose(shade, np.linspace(0.0, 5.0, 11), rtol=0.0, atol=1e-5)
 
 
+def test_depths_that_are_known_put_points_between_views_where_they_are(tmp_path):
+    # A wall at 1.2 m, where views that converge at 2 m differ by 3 pixels: a view between is that of a camera there.
+    surfaces = [Surface(1.2, waves(0, 0.1))]
+    field = light_field(views(1, 3, spacing=0.24, width=60, height=20, focus_distance=2.0), surfaces)
+    true = light_field(views(1, 5, spacing=0.12, width=60, height=20, focus_distance=2.0), surfaces)
+    known = LightField(field.radiance, field.views, {"depth": np.full((1, 3, 20, 60), 1.2)})
+    middle = np.s_[0, 1, 4:-4, 8:-8]
+    errors = []
+    for each, depth in ((known, True), (field, None)):
+        result = export(each, tmp_path / "a_qs5x1a3.npy", layout="quilt", depth=depth)
+        error = np.asarray(import_views(result.files[0]).radiance)[middle] - np.asarray(true.radiance)[middle]
+        errors.append(np.sqrt((error**2).mean()))
+    assert errors[0] < 0.02
+    assert errors[1] > 5.0 * errors[0]
+
+
 @pytest.mark.parametrize("name", DEVICES)
 def test_displays_have_the_quilts_of_their_manual(tmp_path, name):
     device = DEVICES[name]

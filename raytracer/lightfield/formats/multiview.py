@@ -66,18 +66,18 @@ def write_multiview(field: LightField, path: Path, options: ExportOptions, updat
     """Write a part for each view, view by view; layers of signed or long integers, and rays, are left out."""
     del options
     views = field.views
-    layers = {name: layer for name, layer in field.layers.items() if _channel_type(layer.dtype) is not None}
-    channels: dict[str, np.dtype[Any] | None] = {name: _channel_type(field.radiance.dtype) for name in _COLOURS}
-    planes: dict[str, tuple[str, int | None]] = {}
-    for name, layer in layers.items():
-        count = layer.shape[4] if len(layer.shape) == 5 else None
-        for number in (None,) if count is None else range(count):
-            channel = name if number is None else f"{name}.{number}"
-            planes[channel] = (name, number)
-            channels[channel] = _channel_type(layer.dtype)
+    types: dict[str, np.dtype[Any]] = dict.fromkeys(_COLOURS, np.dtype(np.float32))
+    if field.radiance.dtype.itemsize == 2:
+        types = dict.fromkeys(_COLOURS, np.dtype(np.float16))
+    layers: dict[str, list[str]] = {}
+    for name, layer in field.layers.items():
+        kind = _channel_type(layer.dtype)
+        channels = [f"{name}.{i}" for i in range(layer.shape[4])] if len(layer.shape) == 5 else [name]
+        if kind is not None and not set(channels) & set(types):
+            layers[name] = channels
+            types |= dict.fromkeys(channels, kind)
     stated = json.loads(geometry.to_json(views, field.settings.get("units")))
-    types = {name: kind for name, kind in channels.items() if kind is not None}
-    stated["channels"] = {name: kind.str[1:] for name, kind in types.items()}
+    stated |= {"channels": {name: kind.str[1:] for name, kind in types.items()}, "layers": layers}
     at = list(np.ndindex(views.rows, views.columns))
     names = [f"view_{row:02d}_{column:02d}" for row, column in at]
     parts = [Part(name, types, {GEOMETRY: json.dumps(stated)} if i == 0 else {}) for i, name in enumerate(names)]
@@ -85,10 +85,9 @@ def write_multiview(field: LightField, path: Path, options: ExportOptions, updat
         for number, place in enumerate(report_progress(at, update)):
             radiance = np.asarray(field.radiance[place])
             rows = {name: radiance[..., i] for i, name in enumerate(_COLOURS)}
-            stored = {name: np.asarray(layer[place]) for name, layer in layers.items()}
-            rows |= {
-                channel: stored[name] if i is None else stored[name][..., i] for channel, (name, i) in planes.items()
-            }
+            for name, channels in layers.items():
+                planes = np.asarray(field.layers[name][place]).reshape(views.height, views.width, len(channels))
+                rows |= {channel: planes[..., i] for i, channel in enumerate(channels)}
             writer.put(number, 0, rows)
     left_out = [name for name in field.layers if name not in layers] + (["rays"] if field.rays is not None else [])
     notes = (f"left out, which the format cannot hold: {', '.join(left_out)}",) if left_out else ()
@@ -143,7 +142,7 @@ def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> 
     text = headers[0].attributes.get(GEOMETRY)
     if text is None:
         return None
-    views, units, channels = _parse_geometry(path, str(text))
+    views, units, channels, stated_layers = _parse_geometry(path, str(text))
     first = headers[0]
     if views.rows * views.columns != len(headers):
         raise InputError(f"{path}: is the geometry of {views.rows * views.columns} views, and there are {len(headers)}")
@@ -161,30 +160,38 @@ def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> 
         shape = (views.rows, views.columns, views.height, views.width)
         views, units = find_geometry(path, steps, shape, options, beside=path.with_suffix(f".{geometry.FILE}"))
     radiance = LazyChannels(blocks, views, _COLOURS)
-    layers = {name: LazyChannels(blocks, views, names) for name, names in _layers_of(channels).items()}
+    layers = {name: LazyChannels(blocks, views, names) for name, names in stated_layers.items()}
     return LightField(radiance, views, layers, settings={"naming": "multiview", **units})
 
 
-def _parse_geometry(path: Path, text: str) -> tuple[Views, dict[str, str], dict[str, str]]:
-    """Parse the attribute of the geometry: it, the settings of its units, and types of channels by name."""
+class _OwnGeometry(NamedTuple):
+    """Contents of the attribute of the geometry.
+
+    units : the settings of its units.
+    channels : types by name.
+    layers : names of the channels of each.
+    """
+
+    views: Views
+    units: dict[str, str]
+    channels: dict[str, str]
+    layers: dict[str, list[str]]
+
+
+def _parse_geometry(path: Path, text: str) -> _OwnGeometry:
+    """Parse the attribute of the geometry; an InputError says what is wrong with it."""
     views, units = geometry.parse(path, text)
-    channels = json.loads(text).get("channels")
+    values = json.loads(text)
+    channels, layers = values.get("channels"), values.get("layers", {})
     if not isinstance(channels, dict) or not all(kind in _TYPES for kind in channels.values()):
         raise InputError(f"{path}: is a broken file of views: it does not say the types of its channels")
-    return views, units, channels
-
-
-def _layers_of(channels: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """List the channels of each layer."""
-    layers: dict[str, list[str]] = {}
-    for name in channels:
-        stem, dot, number = name.rpartition(".")
-        if name not in _COLOURS:
-            layers.setdefault(stem if dot and number.isdigit() else name, []).append(name)
-    return {
-        name: tuple(sorted(names, key=lambda each: int(each.rpartition(".")[2]))) if names != [name] else (name,)
-        for name, names in layers.items()
-    }
+    is_known = isinstance(layers, dict) and all(
+        isinstance(names, list) and names and all(isinstance(name, str) and name in channels for name in names)
+        for names in layers.values()
+    )
+    if not is_known:
+        raise InputError(f"{path}: is a broken file of views: it has not the channels of its layers")
+    return _OwnGeometry(views, units, channels, layers)
 
 
 def _decode_blocks(path: Path, views: Views, types: Mapping[str, "np.dtype[Any]"]) -> list[NDArray[Any]]:

@@ -59,7 +59,7 @@ def write_quilt(field: LightField, path: Path, options: ExportOptions, update: U
     plan = plan_quilt(field, path, options)
     if NAME.fullmatch(path.stem) is None:
         path = path.with_name(f"{path.stem}_qs{plan.columns}x{plan.rows}a{_format_aspect(plan.aspect)}{path.suffix}")
-    depth = _estimate_depth(field) if options.depth else None
+    depth = _find_depth(field, plan) if options.depth else None
     bands = _bands(field, plan, depth, update)
     suffix = path.suffix.lower()
     bright = 0
@@ -94,10 +94,19 @@ def _format_aspect(aspect: float) -> str:
     return f"{aspect:.4f}".rstrip("0").rstrip(".")
 
 
-def _estimate_depth(field: LightField) -> "Depth":
-    from raytracer.lightfield.depth.depth_map import depth_map
+def _find_depth(field: LightField, plan: QuiltPlan) -> "Depth":
+    """Get the depth of the view in the middle of the row: from the layer `depth`, or estimated from the views."""
+    from raytracer.lightfield.depth.depth_map import Depth, depth_map
 
-    return depth_map(field)
+    row, column = field.views.nearest(*plan.places.mean(axis=0))
+    layer = field.layers.get("depth")
+    if layer is None or len(layer.shape) != 4 or not field.is_metric:
+        return depth_map(field, row=row, column=column)
+    distance = np.asarray(layer[row, column], dtype=np.float64)
+    is_known = np.isfinite(distance) & (distance > 0.0)
+    # What no ray has met is far away.
+    inverse = np.divide(1.0, distance, out=np.zeros_like(distance), where=is_known)
+    return Depth(inverse, np.where(is_known, 1.0, 0.0), row, column)
 
 
 def _bands(

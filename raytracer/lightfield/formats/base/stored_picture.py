@@ -1,5 +1,6 @@
 """A picture as its file holds it, decoded part by part, and the views that it is a mosaic of."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -53,7 +54,7 @@ def open_stored(path: Path) -> StoredPicture:
 
 def _open_npy(path: Path) -> StoredPicture:
     """Map an array; unsigned integers are display values."""
-    with safe_open.open_regular(path) as file:
+    with safe_open.open_regular(path, sys.maxsize) as file:
         header = safe_open.read_npy_header(file)
     shape, kind = header.shape, header.dtype.kind
     if (
