@@ -127,7 +127,8 @@ def compare(spec: SceneSpec, taken: Taken, distance: float, spp: int) -> Errors:
     plain, light = (refocus(field, distance).radiance for field in (taken.plain, taken.white))
     middle = light[views.height // 3 : -(views.height // 3), views.width // 3 : -(views.width // 3)].mean()
     shown = white[views.height // 3 : -(views.height // 3), views.width // 3 : -(views.width // 3)].mean()
-    truth = photograph.radiance / white
+    # As bright as the middle, as what is devignetted is.
+    truth = photograph.radiance * (shown / white)
     return Errors(
         distance,
         relative_rms(even, truth),

@@ -76,8 +76,8 @@ def test_a_white_of_another_camera_is_refused():
     field = LightField(light, views())
     with pytest.raises(InputError, match="of another camera, or of another focus"):
         devignette(field, LightField(light, views(inverse_focus=0.6)))
+    narrow = Views(views().position, views().plane, WIDTH - 1, HEIGHT, 0.5)
     with pytest.raises(InputError, match="5 x 5 views of 9 x 8, not 5 x 5 views of 10 x 8"):
-        narrow = Views(views().position, views().plane, WIDTH - 1, HEIGHT, 0.5)
         devignette(field, LightField(light[..., :-1, :], narrow))
     with pytest.raises(InputError, match="black in its middle"):
         devignette(field, LightField(np.zeros_like(light), views()))

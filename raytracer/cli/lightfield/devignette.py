@@ -12,8 +12,8 @@ from raytracer.cli.lightfield.base import File, Quiet
 
 EXAMPLE = """\b
 Examples:
-  rt render scenes/lightfield/lens.yaml -o shot.lf
-  rt lightfield white scenes/lightfield/lens.yaml -o white.lf
+  rt render scenes/lightfield/glass_wide.yaml -o shot.lf
+  rt lightfield white scenes/lightfield/glass_wide.yaml -o white.lf
   rt lightfield devignette shot.lf white.lf -o even.lf
 """
 

@@ -10,9 +10,9 @@ from raytracer.film.light_field.lf import SUFFIX
 
 EXAMPLE = """\b
 Examples:
-  rt lightfield white scenes/lightfield/lens.yaml -o white.lf        for rt lightfield devignette
-  rt lightfield white scenes/lightfield/lens.yaml -o white.exr       for rt lightfield decode --white
-  rt lightfield white scenes/lightfield/lens.yaml -D camera.f_number=4 -o white4.lf --spp 64
+  rt lightfield white scenes/lightfield/glass_wide.yaml -o white.lf    for rt lightfield devignette
+  rt lightfield white scenes/lightfield/glass_wide.yaml -o white.exr   for rt lightfield decode --white
+  rt lightfield white scenes/lightfield/glass_wide.yaml -D camera.f_number=4 -o white4.lf --spp 64
 """
 
 

@@ -25,7 +25,7 @@ THIN = {
 
 
 def thin(**microlenses):
-    return LightField.model_validate({**THIN, "microlenses": {"pixels": PIXELS, **microlenses}})
+    return LightField.model_validate({**THIN, "microlenses": {"pixels": PIXELS, "model": "pinhole", **microlenses}})
 
 
 def places(count=40_000, height=60.0):
@@ -47,7 +47,7 @@ def radius(spec):
 @pytest.mark.parametrize(("layout", "rows"), [("square", 1.0), ("hexagonal", math.sqrt(3.0) / 2.0)])
 @pytest.mark.parametrize("stretch", [0.7, 1.2, 1.9])
 def test_a_place_gets_the_light_of_each_microlens_whose_sub_image_covers_it(layout, rows, stretch):
-    spec = thin(distance=stretch * MATCHED, layout=layout, crosstalk=True, model="pinhole")
+    spec = thin(distance=stretch * MATCHED, layout=layout, crosstalk=True)
     x, y = places(200_000, 6.0 * rows * PIXELS)
     found, lattice, reach = weights_of(spec, x, y), spec.lenslets(WIDTH, WIDTH).lattice, radius(spec)
     number = np.rint(lattice.index(np.column_stack([x, y])))
@@ -82,13 +82,14 @@ def test_where_f_numbers_match_there_is_none():
     np.testing.assert_array_equal(with_it, without)
 
 
+@pytest.mark.slow
 def test_blurred_sub_images_share_no_less_light():
     # Microlenses of another focal length blur the sub-images, and so let light across their borders; none is lost.
-    spec = thin(focal_length=0.8, distance=MATCHED, crosstalk=True)
+    spec = thin(model="lens", focal_length=0.8, distance=MATCHED, crosstalk=True)
     found = weights_of(spec, *places(200_000))
     reach = 0.5 * spec.lenslets(WIDTH, WIDTH).aperture / spec.lenslets(WIDTH, WIDTH).stride
     assert found.mean() == pytest.approx(math.pi * reach**2 / PIXELS**2, rel=0.02)
-    own = weights_of(thin(focal_length=0.8, distance=MATCHED), *places(200_000))
+    own = weights_of(thin(model="lens", focal_length=0.8, distance=MATCHED), *places(200_000))
     assert own.mean() < 0.99 * found.mean()
 
 
