@@ -104,7 +104,10 @@ def noisy(light, seed=1):
 
 
 def _bayer(picture):
-    light = noisy(picture.light() * np.tile(GAINS, [math.ceil(n / 2) for n in picture.shape])[: picture.shape[0], : picture.shape[1]])
+    light = noisy(
+        picture.light()
+        * np.tile(GAINS, [math.ceil(n / 2) for n in picture.shape])[: picture.shape[0], : picture.shape[1]]
+    )
     return flatten_channels(light.astype(np.float32), "rggb")
 
 

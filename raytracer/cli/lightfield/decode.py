@@ -24,6 +24,7 @@ Examples:
       --focal-length 9.5mm --f-number 2 --focus-distance 1.5m       distances in metres
   rt lightfield decode raw.png --white white.png --json > grid.json
   rt lightfield decode other.png --white white.png --grid grid.json -o other.lf
+  rt lightfield decode raw.png --white white.png --calibration camera.json -o shot.lf
 
 \b
 Pictures are .png or .tif of 8 or 16 bits, .exr or .npy, in linear light, upright, all of one size.  The white picture
@@ -54,6 +55,9 @@ def decode(
         Option(help="Views in a row and in a column; default: the largest odd number that fits under a microlens."),
     ] = None,
     srgb: Annotated[bool, Option("--srgb", help="Files of 8 and 16 bits hold display values, not light.")] = False,
+    calibration: Annotated[
+        str | None, takes("CAMERA.json", "Metres, and the lens's distortion, as rt lightfield calibrate wrote them.")
+    ] = None,
     pixel_pitch: Annotated[str | None, takes("LENGTH", "Of the sensor: 1.4um.")] = None,
     focal_length: Annotated[str | None, takes("LENGTH", "Of the main lens: 50mm.")] = None,
     f_number: Annotated[float | None, takes("N", "Of the main lens.")] = None,
@@ -69,8 +73,8 @@ def decode(
     """Turn the raw picture of a camera with microlenses into a light field.
 
     Pitch, rotation and offset of the grid of microlenses are found by themselves, whether it is square or hexagonal.
-    Metres need --pixel-pitch, --focal-length, and --f-number or --microlens-distance; without, distances are in pixels
-    from view to view.
+    Metres need --calibration, or --pixel-pitch, --focal-length, and --f-number or --microlens-distance; without,
+    distances are in pixels from view to view.
     """
     if output is not None:
         check_outputs([output], (".lf",), "a light field")
@@ -80,12 +84,20 @@ def decode(
     focal = _length("--focal-length", focal_length, "mm")
     behind = _length("--microlens-distance", microlens_distance, "um")
 
+    from raytracer.lightfield.calibrating.camera import read_camera
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
     from raytracer.lightfield.decoding.microlens_grid import Optics, read_grid
     from raytracer.util.progress import Bar
 
     known = None if grid is None else read_grid(grid)
-    optics = Optics(pitch, focal, f_number, microlens_distance=behind, focus_distance=distance)
+    given = {"--pixel-pitch": pitch, "--focal-length": focal, "--f-number": f_number, "--microlens-distance": behind}
+    if calibration is not None and (doubled := [name for name, value in given.items() if value is not None]):
+        raise InputError(f"--calibration and {doubled[0]} exclude each other: a calibration has the metres")
+    optics = (
+        read_camera(calibration)
+        if calibration is not None
+        else Optics(pitch, focal, f_number, microlens_distance=behind, focus_distance=distance)
+    )
     light_field = decode_picture(raw, white, dark=dark, grid=known, bayer=bayer, views=views, srgb=srgb, optics=optics)
     for note in () if quiet else light_field.notes:
         print(f"note: {note}", file=sys.stderr)
@@ -109,9 +121,9 @@ def _summary(grid: "Grid") -> str:
         f"offset       {right:.3f}, {down:.3f} (pixels right and down, of the one nearest to the middle)",
         f"sub-images   {grid.diameter:.2f} pixels wide",
     ]
-    used, blocks = grid.blocks
-    if blocks:
-        lines.append(f"residual     {grid.residual:.3f} pixels, over {used} of {blocks} blocks")
+    used, measured = grid.microlenses
+    if measured:
+        lines.append(f"residual     {grid.residual:.3f} pixels, over {used} of {measured} microlenses")
     return "\n".join(lines)
 
 

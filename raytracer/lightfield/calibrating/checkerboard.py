@@ -159,7 +159,9 @@ def _choose_block(
         index[row - first[1], column - first[0]] = number
     best: tuple[float, NDArray[np.int_]] | None = None
     # A quarter turn keeps the board's sense of rotation.
-    for turned in {(rows, columns): [index], (columns, rows): [np.rot90(index)]}.values() if rows != columns else [[index]]:
+    for turned in (
+        {(rows, columns): [index], (columns, rows): [np.rot90(index)]}.values() if rows != columns else [[index]]
+    ):
         for grid in turned:
             for top in range(grid.shape[0] - rows + 1):
                 for left in range(grid.shape[1] - columns + 1):
@@ -171,4 +173,6 @@ def _choose_block(
         return None
     board = places[best[1]]
     turns = range(4) if rows == columns else (0, 2)
-    return max((np.rot90(board, turn) for turn in turns), key=lambda each: float((each[:, -1] - each[:, 0])[:, 0].sum()))
+    return max(
+        (np.rot90(board, turn) for turn in turns), key=lambda each: float((each[:, -1] - each[:, 0])[:, 0].sum())
+    )

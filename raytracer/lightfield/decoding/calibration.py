@@ -20,7 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.light_field.lattice import Lattice, rows_within
-from raytracer.lightfield.decoding.grid_frequencies import MIN_MICROLENSES, SpectrumPart, find_frequencies, no_grid_error
+from raytracer.lightfield.decoding.grid_frequencies import (
+    MIN_MICROLENSES,
+    SpectrumPart,
+    find_frequencies,
+    no_grid_error,
+)
 from raytracer.lightfield.decoding.microlens_grid import Grid
 from raytracer.lightfield.decoding.subimage_phases import (
     Levels,
@@ -230,7 +235,9 @@ def _lit(measured: Subimages) -> NDArray[np.bool_]:
     """Tell which sub-images (n,) have light, and contrast."""
     lit = measured.light > _LEAST_LIGHT * float(np.quantile(measured.light, 0.9))
     amplitude = measured.amplitude.mean(axis=1)
-    return np.asarray(lit & (amplitude > _LEAST_AMPLITUDE * float(np.median(amplitude[lit] if lit.any() else amplitude))))
+    return np.asarray(
+        lit & (amplitude > _LEAST_AMPLITUDE * float(np.median(amplitude[lit] if lit.any() else amplitude)))
+    )
 
 
 def _trust_by_shape(measured: Subimages, index: Floats, nearness: NDArray[np.intp], pitch: float) -> Floats:
