@@ -1,6 +1,7 @@
 """Table of the errors of the microlens grid: pitches and layouts, by what may be wrong with a white picture.
 
-`python -m tests.lightfield.grid_matrix` prints the largest errors over all rotations; `test_grid_matrix.py` bounds them.
+`python -m tests.lightfield.grid_matrix` prints the largest errors over all rotations; `test_grid_matrix.py` bounds
+them.
 Sub-images are drawn from a formula, so that the grid is known exactly: a disc whose light falls off towards its edge,
 blurred as by diffraction, and cut by a second disc (a rim of the lens), which is farther off the farther out it is.
 """

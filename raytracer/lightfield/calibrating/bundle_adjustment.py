@@ -1,8 +1,8 @@
 """Calibration of a light-field camera: intrinsics and poses that fit the corners of a checkerboard in all views.
 
 Closed forms give a first guess: the focal length by the homographies of the middle view (Zhang 2000, "A Flexible New
-Technique for Camera Calibration", sec. 3.1, with the axis in the middle and square pixels), the boards' poses by the same
-homographies, and the spacing and the plane of focus by a line through the disparities over one over the distances.
+Technique for Camera Calibration", sec. 3.1, with the axis in the middle and square pixels), the boards' poses by the
+same homographies, and the spacing and the plane of focus by a line through the disparities over one over the distances.
 Least squares over all corners in all views then refine all of them, and the distortion, at once (Dansereau, Pizarro,
 Williams 2013, sec. 4, where the distance of rays to corners is minimized: here that of their pixels).
 """
@@ -52,8 +52,8 @@ class Calibration(NamedTuple):
     """Result of a calibration.
 
     camera : its intrinsics.
-    errors : standard errors of pixel, centre (2), spacing (2), inverse_focus and distortion (2), as a share of the first
-        and of the spacing, else in the same units.
+    errors : standard errors of pixel, centre (2), spacing (2), inverse_focus and distortion (2), as a share of the
+        first and of the spacing, else in the same units.
     residual : root mean square distance of corners from where they are expected (px).
     residual_rays : the same, of rays from corners at the board (m).
     poses : of the boards: rotation vector and translation (m), (boards, 6); right, down and forward.

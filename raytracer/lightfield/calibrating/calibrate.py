@@ -37,7 +37,7 @@ def calibrate(
     InputError : files are missing or broken, or of several cameras; the board is not seen, or does not tell enough.
     """
     columns, rows = corners
-    if not (3 <= min(corners) and max(corners) <= MOST_CORNERS):
+    if not (min(corners) >= 3 and max(corners) <= MOST_CORNERS):
         raise InputError(f"a board must have 3 to {MOST_CORNERS} inner corners a side, got {columns} x {rows}")
     boards, kinds = [], {}
     for picture in pictures:

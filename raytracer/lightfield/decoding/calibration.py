@@ -1,12 +1,13 @@
 """Calibration of a microlens grid: its pitch, rotation and offset, from a picture of something evenly white.
 
-The grid's two frequencies are first taken from the peaks of a spectrum (`grid_frequencies`).  Then the middles of single
+The grid's two frequencies are first taken from the peaks of a spectrum (`grid_frequencies`).  Then the middles of
+single
 sub-images are measured (`subimage_phases`), from the middle of what is lit outwards, and a lattice is fitted to them by
 robust least squares: sub-images with dust, or at the edge of the light, fall out.
 
 Where a rim of the lens cuts sub-images, towards the border, they are moved by up to some pixels, and all to the same
-side: no outliers, but a smaller pitch.  They also have another shape than those in the middle; the more a shape differs,
-the less its sub-image counts.
+side: no outliers, but a smaller pitch.  They also have another shape than those in the middle; the more a shape
+differs, the less its sub-image counts.
 
 References: Dansereau, Pizarro, Williams 2013, "Decoding, Calibration and Rectification for Lenselet-Based Plenoptic
 Cameras", sec. 3 (grid from a white picture); Schambach, Puente Leon 2020, "Microlens Array Grid Estimation, Light Field
@@ -22,7 +23,6 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.lattice import Lattice, rows_within
 from raytracer.lightfield.decoding.grid_frequencies import (
     MIN_MICROLENSES,
-    SpectrumPart,
     find_frequencies,
     no_grid_error,
 )
@@ -45,8 +45,8 @@ _CLIPPED_SHARE = 0.98
 """Share of the pixels at one and the same largest value from which on a picture is clipped everywhere."""
 
 _REACHES = (0.1, 0.2, 0.4, 1.0, 1.0, 1.0)
-"""Parts of the picture, about the middle of what is lit, that are fitted in turn: a lattice that is right to a fifth of a
-pitch at the edge of one part is right to half a pitch at that of the next."""
+"""Parts of the picture, about the middle of what is lit, that are fitted in turn: a lattice that is right to a fifth
+of a pitch at the edge of one part is right to half a pitch at that of the next."""
 
 
 def find_grid(white: NDArray[Any], name: str = "white") -> Grid:
@@ -87,7 +87,6 @@ def find_grid(white: NDArray[Any], name: str = "white") -> Grid:
 
 def _check_levels(white: NDArray[Any], name: str) -> Levels:
     """Find the levels between which a picture is clipped; an InputError says that it cannot show microlenses."""
-    height, width = white.shape
     low, high = float(white.min()), float(white.max())
     if not (math.isfinite(low) and math.isfinite(high)):
         raise InputError(f"{name}: holds values that are not numbers")
@@ -258,7 +257,7 @@ def _trust_by_shape(measured: Subimages, index: Floats, nearness: NDArray[np.int
 
 
 def _mean_around(values: Floats, index: Floats) -> Floats:
-    """Compute the mean of values (n, k) over the sub-images around each, by column and row (n, 2)."""
+    """Compute the mean of values (n, k) over sub-images around each, by column and row (n, 2)."""
     from scipy.ndimage import uniform_filter
 
     first = index.min(axis=0)
@@ -275,7 +274,7 @@ def _mean_around(values: Floats, index: Floats) -> Floats:
 
 
 def _robust_fit(design: Floats, places: Floats, trust: Floats) -> tuple[Floats, Floats, float]:
-    """Fit `design @ steps` to places, with weights that are the product of `trust` and of what falls off with residuals.
+    """Fit `design @ steps` to places, with weights that are `trust` times what falls off with residuals.
 
     The steps (3, 2), the residuals (n,), and the scale of the errors along an axis.
     """
