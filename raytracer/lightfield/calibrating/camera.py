@@ -133,7 +133,7 @@ class CameraModel:
 
 
 def camera_from_dict(values: Any, name: str) -> CameraModel:
-    """Read a camera from the values of `CameraModel.as_dict`; an InputError that begins with `name` says what is wrong."""
+    """Read a camera from the values of `CameraModel.as_dict`; an InputError, with `name` first, says what is wrong."""
 
     def number(key: str, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LARGEST_NUMBER:
