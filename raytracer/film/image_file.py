@@ -84,7 +84,7 @@ def _read_bytes(path: Path) -> bytes:
 def load(path: str | Path) -> NDArray[np.float64]:
     """Read linear values of an image file: float64 (height, width, 3), row 0 at the top.
 
-    .png, .jpg and .tif are decoded from sRGB, their transparency and profiles left out; a grey image has equal channels.
+    .png, .jpg and .tif are decoded from sRGB, without transparency and profiles; a grey image has equal channels.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def load(path: str | Path) -> NDArray[np.float64]:
 
 
 def load_encoded(path: str | Path) -> NDArray[np.float64]:
-    """Read values of a .png, .jpg or .tif file as it holds them, sRGB-encoded: float64 (height, width, 3) in 0..1.
+    """Read values of a .png, .jpg or .tif file as it holds them, sRGB: float64 (height, width, 3) in 0..1.
 
     Raises InputError: as `load`; or the file is of a linear format.
     """

@@ -1,6 +1,7 @@
 """Table of the errors of the microlens grid: pitches and layouts, by what may be wrong with a white picture.
 
-`python -m tests.lightfield.grid_matrix` prints the largest errors over all rotations; `test_grid_matrix.py` bounds them.
+`python -m tests.lightfield.grid_matrix` prints the largest errors over all rotations; `test_grid_matrix.py` bounds
+them.
 Sub-images are drawn from a formula, so that the grid is known exactly: a disc whose light falls off towards its edge,
 blurred as by diffraction, and cut by a second disc (a rim of the lens), which is farther off the farther out it is.
 """
@@ -104,7 +105,10 @@ def noisy(light, seed=1):
 
 
 def _bayer(picture):
-    light = noisy(picture.light() * np.tile(GAINS, [math.ceil(n / 2) for n in picture.shape])[: picture.shape[0], : picture.shape[1]])
+    light = noisy(
+        picture.light()
+        * np.tile(GAINS, [math.ceil(n / 2) for n in picture.shape])[: picture.shape[0], : picture.shape[1]]
+    )
     return flatten_channels(light.astype(np.float32), "rggb")
 
 

@@ -97,9 +97,9 @@ def test_a_raw_picture_shows_its_own_grid(pictures, without_white):
 
 
 def test_grid_in_a_file_is_the_same_grid(decoded):
-    assert decoded.grid.blocks != (0, 0)
+    assert decoded.grid.microlenses != (0, 0)
     again = grid_from_dict(json.loads(json.dumps(decoded.grid.as_dict())), "grid.json")
-    assert again == dataclasses.replace(decoded.grid, blocks=(0, 0))
+    assert again == dataclasses.replace(decoded.grid, microlenses=(0, 0))
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ Examples:
   rt lightfield decode raw.png --white white.png --json > grid.json
   rt lightfield decode other.png --white white.png --grid grid.json -o other.lf
   rt lightfield decode IMG_0001.lfp --white caldata/ -o shot.lf     a Lytro's, with its metadata
+  rt lightfield decode raw.png --white white.png --calibration camera.json -o shot.lf
 
 \b
 Pictures are .png or .tif of 8 or 16 bits, .exr or .npy, in linear light, upright, all of one size.  The white picture
@@ -65,6 +66,9 @@ def decode(
         Option(help="Views in a row and in a column; default: the largest odd number that fits under a microlens."),
     ] = None,
     srgb: Annotated[bool, Option("--srgb", help="Files of 8 and 16 bits hold display values, not light.")] = False,
+    calibration: Annotated[
+        str | None, takes("CAMERA.json", "Metres, and the lens's distortion, as rt lightfield calibrate wrote them.")
+    ] = None,
     pixel_pitch: Annotated[str | None, takes("LENGTH", "Of the sensor: 1.4um.")] = None,
     focal_length: Annotated[str | None, takes("LENGTH", "Of the main lens: 50mm.")] = None,
     f_number: Annotated[float | None, takes("N", "Of the main lens.")] = None,
@@ -84,8 +88,8 @@ def decode(
     """Turn the raw picture of a camera with microlenses into a light field.
 
     Pitch, rotation and offset of the grid of microlenses are found by themselves, whether it is square or hexagonal.
-    Metres need --pixel-pitch, --focal-length, and --f-number or --microlens-distance; without, distances are in pixels
-    from view to view.
+    Metres need --calibration, or --pixel-pitch, --focal-length, and --f-number or --microlens-distance; without,
+    distances are in pixels from view to view.
     """
     if output is not None:
         check_outputs([output], (".lf",), "a light field")
@@ -95,6 +99,7 @@ def decode(
     focal = _length("--focal-length", focal_length, "mm")
     behind = _length("--microlens-distance", microlens_distance, "um")
 
+    from raytracer.lightfield.calibrating.camera import read_camera
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
     from raytracer.lightfield.decoding.lytro.container import is_container
     from raytracer.lightfield.decoding.lytro.decode import decode_photo
@@ -102,7 +107,14 @@ def decode(
     from raytracer.util.progress import Bar
 
     known = None if grid is None else read_grid(grid)
-    optics = Optics(pitch, focal, f_number, microlens_distance=behind, focus_distance=distance)
+    given = {"--pixel-pitch": pitch, "--focal-length": focal, "--f-number": f_number, "--microlens-distance": behind}
+    if calibration is not None and (doubled := [name for name, value in given.items() if value is not None]):
+        raise InputError(f"--calibration and {doubled[0]} exclude each other: a calibration has the metres")
+    optics = (
+        read_camera(calibration)
+        if calibration is not None
+        else Optics(pitch, focal, f_number, microlens_distance=behind, focus_distance=distance)
+    )
     if is_container(raw):
         for option, value in (("--dark", dark), ("--bayer", bayer), ("--srgb", srgb or None)):
             if value is not None:
@@ -134,9 +146,9 @@ def _summary(grid: "Grid") -> str:
         f"offset       {right:.3f}, {down:.3f} (pixels right and down, of the one nearest to the middle)",
         f"sub-images   {grid.diameter:.2f} pixels wide",
     ]
-    used, blocks = grid.blocks
-    if blocks:
-        lines.append(f"residual     {grid.residual:.3f} pixels, over {used} of {blocks} blocks")
+    used, measured = grid.microlenses
+    if measured:
+        lines.append(f"residual     {grid.residual:.3f} pixels, over {used} of {measured} microlenses")
     return "\n".join(lines)
 
 

@@ -1,8 +1,8 @@
 """Calibration of a light-field camera: intrinsics and poses that fit the corners of a checkerboard in all views.
 
 Closed forms give a first guess: the focal length by the homographies of the middle view (Zhang 2000, "A Flexible New
-Technique for Camera Calibration", sec. 3.1, with the axis in the middle and square pixels), the boards' poses by the same
-homographies, and the spacing and the plane of focus by a line through the disparities over one over the distances.
+Technique for Camera Calibration", sec. 3.1, with the axis in the middle and square pixels), the boards' poses by the
+same homographies, and the spacing and the plane of focus by a line through the disparities over one over the distances.
 Least squares over all corners in all views then refine all of them, and the distortion, at once (Dansereau, Pizarro,
 Williams 2013, sec. 4, where the distance of rays to corners is minimized: here that of their pixels).
 """
@@ -52,8 +52,8 @@ class Calibration(NamedTuple):
     """Result of a calibration.
 
     camera : its intrinsics.
-    errors : standard errors of pixel, centre (2), spacing (2), inverse_focus and distortion (2), as a share of the first
-        and of the spacing, else in the same units.
+    errors : standard errors of pixel, centre (2), spacing (2), inverse_focus and distortion (2), as a share of the
+        first and of the spacing, else in the same units.
     residual : root mean square distance of corners from where they are expected (px).
     residual_rays : the same, of rays from corners at the board (m).
     poses : of the boards: rotation vector and translation (m), (boards, 6); right, down and forward.
@@ -96,7 +96,9 @@ def calibrate_camera(
     InputError : too few boards, or boards that do not tell the intrinsics.
     """
     if len(boards) < _FEWEST_BOARDS:
-        raise InputError(f"at least {_FEWEST_BOARDS} pictures of the board are needed, and it was found in {len(boards)}")
+        raise InputError(
+            f"at least {_FEWEST_BOARDS} pictures of the board are needed, and it was found in {len(boards)}"
+        )
     rows, columns = boards[0].corners.shape[1:3]
     points = board_points(rows, columns, square)
     camera, poses = _first_guess(boards, points, counts, size)
@@ -118,7 +120,9 @@ def _first_guess(
     left, right = np.array(rows).T
     inverse_squared = -float(left @ right) / float(left @ left)
     if not inverse_squared > 0.0:
-        raise InputError("the boards do not tell the focal length: tilt them, to different sides, by 20 degrees and more")
+        raise InputError(
+            "the boards do not tell the focal length: tilt them, to different sides, by 20 degrees and more"
+        )
     pixel = math.sqrt(inverse_squared)
     poses = np.array([_pose(h, pixel) for h in homographies])
     # Disparities from view to view are -(spacing / pixel) (1 / Z - w0).
@@ -202,9 +206,7 @@ def _place(points: Floats, pose: Floats) -> Floats:
     return np.asarray(Rotation.from_rotvec(pose[:3]).apply(points) + pose[3:])
 
 
-def _adjust(
-    first: CameraModel, poses: Floats, boards: list[BoardView], points: Floats, distorted: bool
-) -> Calibration:
+def _adjust(first: CameraModel, poses: Floats, boards: list[BoardView], points: Floats, distorted: bool) -> Calibration:
     """Refine all numbers by least squares over all corners in all views."""
     from dataclasses import replace
 
@@ -263,9 +265,13 @@ def _adjust(
     errors = np.zeros(_INTRINSICS)
     errors[:number] = np.sqrt(np.diag(covariance))[:number]
     if not errors[0] < _UNKNOWN:
-        raise InputError("the boards do not tell the focal length: tilt them, to different sides, by 20 degrees and more")
+        raise InputError(
+            "the boards do not tell the focal length: tilt them, to different sides, by 20 degrees and more"
+        )
     adjusted = fit.x[number:].reshape(-1, 6)
-    depths = [np.broadcast_to(_place(points, pose)[:, 2], mask.shape)[mask] for pose, mask in zip(adjusted, seen, strict=True)]
+    depths = [
+        np.broadcast_to(_place(points, pose)[:, 2], mask.shape)[mask] for pose, mask in zip(adjusted, seen, strict=True)
+    ]
     at_board = np.concatenate(depths)[:, None] * camera.pixel * total
     rays = float(np.sqrt((at_board**2).sum(axis=1).mean()))
     return Calibration(camera, errors, residual, rays, adjusted, len(total))

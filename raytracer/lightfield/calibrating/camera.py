@@ -74,6 +74,16 @@ class CameraModel:
         h[4, 4] = 1.0
         return h
 
+    def check_views(self, views: Views, name: str) -> None:
+        """Raise an InputError, which begins with `name`, if this is the camera of other views."""
+        own, others = (
+            (self.columns, self.rows, self.width, self.height),
+            (views.columns, views.rows, views.width, views.height),
+        )
+        if own != others:
+            told = ["{} x {} views of {} x {} pixels".format(*each) for each in (own, others)]
+            raise InputError(f"{name}: is of a camera with {told[0]}, and these are {told[1]}")
+
     def views(self, aperture: float | None = None) -> Views:
         """Make the geometry of rectified views; `aperture` is the diameter of sub-images in steps of one view."""
         return Views(
@@ -111,7 +121,9 @@ class CameraModel:
         slopes = (np.stack(np.meshgrid(x, y), axis=-1) - self.centre) * self.pixel
         places = np.moveaxis(self.to_pixels(slopes) - 0.5, -1, 0)[::-1]
         channels = picture.reshape(*picture.shape[:2], -1).astype(np.float64)
-        moved = [map_coordinates(channels[..., i], places, order=order, mode="nearest") for i in range(channels.shape[2])]
+        moved = [
+            map_coordinates(channels[..., i], places, order=order, mode="nearest") for i in range(channels.shape[2])
+        ]
         return np.stack(moved, axis=-1).reshape(picture.shape)
 
     def as_dict(self) -> dict[str, Any]:
@@ -121,7 +133,7 @@ class CameraModel:
 
 
 def camera_from_dict(values: Any, name: str) -> CameraModel:
-    """Read a camera from the values of `CameraModel.as_dict`; an InputError, which begins with `name`, says what is wrong."""
+    """Read a camera from the values of `CameraModel.as_dict`; an InputError, with `name` first, says what is wrong."""
 
     def number(key: str, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LARGEST_NUMBER:

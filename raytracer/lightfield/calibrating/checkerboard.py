@@ -1,6 +1,7 @@
 """Corners of a checkerboard in views of a light field, to a fraction of a pixel.
 
-A corner is a saddle of the brightness, which the zero of the gradient of a smoothed picture gives: by symmetry smoothing
+A corner is a saddle of the brightness, which the zero of the gradient of a smoothed picture gives: by symmetry
+smoothing
 does not move it.  The corners of one view are put in order by their neighbours, and followed from view to view.
 
 References: Lucchese, Mitra 2002, "Using Saddle Points for Subpixel Feature Detection in Camera Calibration Targets".
@@ -94,7 +95,7 @@ def find_board(picture: Floats, rows: int, columns: int) -> Floats | None:
     heights = strength[tuple(peaks.T)]
     peaks = peaks[heights > _WEAKEST * np.median(heights[: rows * columns])]
     places = refine_corners(slopes, peaks[:, ::-1].astype(np.float64), _PEAK / 2.0)
-    heights, places = strength[tuple(peaks.T)], places
+    heights = strength[tuple(peaks.T)]
     good = np.isfinite(places).all(axis=1)
     places, heights = places[good], heights[good]
     if len(places) < rows * columns:
@@ -159,7 +160,9 @@ def _choose_block(
         index[row - first[1], column - first[0]] = number
     best: tuple[float, NDArray[np.int_]] | None = None
     # A quarter turn keeps the board's sense of rotation.
-    for turned in {(rows, columns): [index], (columns, rows): [np.rot90(index)]}.values() if rows != columns else [[index]]:
+    for turned in (
+        {(rows, columns): [index], (columns, rows): [np.rot90(index)]}.values() if rows != columns else [[index]]
+    ):
         for grid in turned:
             for top in range(grid.shape[0] - rows + 1):
                 for left in range(grid.shape[1] - columns + 1):
@@ -171,4 +174,6 @@ def _choose_block(
         return None
     board = places[best[1]]
     turns = range(4) if rows == columns else (0, 2)
-    return max((np.rot90(board, turn) for turn in turns), key=lambda each: float((each[:, -1] - each[:, 0])[:, 0].sum()))
+    return max(
+        (np.rot90(board, turn) for turn in turns), key=lambda each: float((each[:, -1] - each[:, 0])[:, 0].sum())
+    )

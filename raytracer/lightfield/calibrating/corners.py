@@ -50,7 +50,9 @@ def find_corners(field: LightField, rows: int, columns: int, name: str) -> Board
         if np.isfinite(found[:, 0]).mean() >= _LEAST_SEEN:
             known[view] = found
     if len(known) < _LEAST_SEEN * len(chosen):
-        raise InputError(f"{name}: shows the checkerboard in {len(known)} of {len(chosen)} views only: is it in motion?")
+        raise InputError(
+            f"{name}: shows the checkerboard in {len(known)} of {len(chosen)} views only: is it in motion?"
+        )
     order = sorted(known)
     corners = np.stack([known[view] for view in order]).reshape(len(order), rows, columns, 2)
     # Places are counted from the middle of a pixel, and geometry from its edge.

@@ -1,12 +1,13 @@
 """Calibration of a microlens grid: its pitch, rotation and offset, from a picture of something evenly white.
 
-The grid's two frequencies are first taken from the peaks of a spectrum (`grid_frequencies`).  Then the middles of single
+The grid's two frequencies are first taken from the peaks of a spectrum (`grid_frequencies`).  Then the middles of
+single
 sub-images are measured (`subimage_phases`), from the middle of what is lit outwards, and a lattice is fitted to them by
 robust least squares: sub-images with dust, or at the edge of the light, fall out.
 
 Where a rim of the lens cuts sub-images, towards the border, they are moved by up to some pixels, and all to the same
-side: no outliers, but a smaller pitch.  They also have another shape than those in the middle; the more a shape differs,
-the less its sub-image counts.
+side: no outliers, but a smaller pitch.  They also have another shape than those in the middle; the more a shape
+differs, the less its sub-image counts.
 
 References: Dansereau, Pizarro, Williams 2013, "Decoding, Calibration and Rectification for Lenselet-Based Plenoptic
 Cameras", sec. 3 (grid from a white picture); Schambach, Puente Leon 2020, "Microlens Array Grid Estimation, Light Field
@@ -20,7 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.light_field.lattice import Lattice, rows_within
-from raytracer.lightfield.decoding.grid_frequencies import MIN_MICROLENSES, SpectrumPart, find_frequencies, no_grid_error
+from raytracer.lightfield.decoding.grid_frequencies import (
+    MIN_MICROLENSES,
+    find_frequencies,
+    no_grid_error,
+)
 from raytracer.lightfield.decoding.microlens_grid import Grid
 from raytracer.lightfield.decoding.subimage_phases import (
     Levels,
@@ -40,8 +45,8 @@ _CLIPPED_SHARE = 0.98
 """Share of the pixels at one and the same largest value from which on a picture is clipped everywhere."""
 
 _REACHES = (0.1, 0.2, 0.4, 1.0, 1.0, 1.0)
-"""Parts of the picture, about the middle of what is lit, that are fitted in turn: a lattice that is right to a fifth of a
-pitch at the edge of one part is right to half a pitch at that of the next."""
+"""Parts of the picture, about the middle of what is lit, that are fitted in turn: a lattice that is right to a fifth
+of a pitch at the edge of one part is right to half a pitch at that of the next."""
 
 
 def find_grid(white: NDArray[Any], name: str = "white") -> Grid:
@@ -82,7 +87,6 @@ def find_grid(white: NDArray[Any], name: str = "white") -> Grid:
 
 def _check_levels(white: NDArray[Any], name: str) -> Levels:
     """Find the levels between which a picture is clipped; an InputError says that it cannot show microlenses."""
-    height, width = white.shape
     low, high = float(white.min()), float(white.max())
     if not (math.isfinite(low) and math.isfinite(high)):
         raise InputError(f"{name}: holds values that are not numbers")
@@ -230,7 +234,9 @@ def _lit(measured: Subimages) -> NDArray[np.bool_]:
     """Tell which sub-images (n,) have light, and contrast."""
     lit = measured.light > _LEAST_LIGHT * float(np.quantile(measured.light, 0.9))
     amplitude = measured.amplitude.mean(axis=1)
-    return np.asarray(lit & (amplitude > _LEAST_AMPLITUDE * float(np.median(amplitude[lit] if lit.any() else amplitude))))
+    return np.asarray(
+        lit & (amplitude > _LEAST_AMPLITUDE * float(np.median(amplitude[lit] if lit.any() else amplitude)))
+    )
 
 
 def _trust_by_shape(measured: Subimages, index: Floats, nearness: NDArray[np.intp], pitch: float) -> Floats:
@@ -251,7 +257,7 @@ def _trust_by_shape(measured: Subimages, index: Floats, nearness: NDArray[np.int
 
 
 def _mean_around(values: Floats, index: Floats) -> Floats:
-    """Compute the mean of values (n, k) over the sub-images around each, by column and row (n, 2)."""
+    """Compute the mean of values (n, k) over sub-images around each, by column and row (n, 2)."""
     from scipy.ndimage import uniform_filter
 
     first = index.min(axis=0)
@@ -268,7 +274,7 @@ def _mean_around(values: Floats, index: Floats) -> Floats:
 
 
 def _robust_fit(design: Floats, places: Floats, trust: Floats) -> tuple[Floats, Floats, float]:
-    """Fit `design @ steps` to places, with weights that are the product of `trust` and of what falls off with residuals.
+    """Fit `design @ steps` to places, with weights that are `trust` times what falls off with residuals.
 
     The steps (3, 2), the residuals (n,), and the scale of the errors along an axis.
     """

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import LIT_LAYER, LightField, Samples
 from raytracer.film.light_field.resampling import ResampledView, Resampler
 from raytracer.film.light_field.views import Views
+from raytracer.lightfield.calibrating.camera import CameraModel
 from raytracer.lightfield.decoding.calibration import find_grid
 from raytracer.lightfield.decoding.microlens_grid import Grid, Optics
 from raytracer.lightfield.decoding.raw_image import (
@@ -41,6 +42,9 @@ from raytracer.lightfield.decoding.raw_image import (
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.util.errors import InputError
 
+_WHOLLY_SEEN = 0.999
+"""Share of the light of a rectified pixel that comes from lit ones, from which on it is one."""
+
 _THREADS = 4
 """Threads that make views: more wait for memory."""
 
@@ -60,6 +64,7 @@ class Decoded:
     scale : light of one unit of `light`.
     weight : light that each pixel gets, 0..1; None without a white picture.
     matrix : 3 x 3, from the sensor's colours to linear sRGB; None if they are that.
+    camera : whose distortion is taken from the views; None if there is none.
     """
 
     grid: Grid
@@ -71,6 +76,7 @@ class Decoded:
     scale: float
     weight: Floats32 | None
     matrix: NDArray[np.float64] | None = None
+    camera: CameraModel | None = None
 
     def view(self, row: int, column: int) -> NDArray[np.float64]:
         """Make one view, float64 (height, width, 3); 0 where no light came to it."""
@@ -120,8 +126,8 @@ class Decoded:
 
     @property
     def _places(self) -> NDArray[np.float64] | None:
-        """Places of the microlenses; None where pixels of views are not interpolated between them."""
-        return None if self.resampler.is_direct else self.resampler.places
+        """Places of the microlenses; None where views are not interpolated between them, or rectified after that."""
+        return None if self.resampler.is_direct or self.camera is not None else self.resampler.places
 
     def _seen(self, row: int, column: int) -> ResampledView:
         """Resample one view, in three colours."""
@@ -130,6 +136,11 @@ class Decoded:
         if self._outside[row, column]:
             # These pixels are under another microlens, and see through the other side of the lens.
             seen, samples = seen._replace(seen=np.zeros_like(seen.seen)), np.full_like(samples, np.nan)
+        if self.camera is not None:
+            values = self.camera.rectify(values)
+            whole = self.camera.rectify(seen.seen.astype(np.float64), order=1)
+            seen = seen._replace(seen=whole > _WHOLLY_SEEN)
+            values[~seen.seen] = 0.0
         if values.ndim == 2:
             values, samples = np.repeat(values[..., None], 3, axis=2), np.repeat(samples[..., None], 3, axis=1)
         if self.matrix is not None:
@@ -156,7 +167,7 @@ def decode(
     bayer: str | None = None,
     views: int | None = None,
     srgb: bool = False,
-    optics: Optics | None = None,
+    optics: Optics | CameraModel | None = None,
 ) -> Decoded:
     """Find the microlenses of a raw picture, and make it ready to be resampled into views.
 
@@ -169,7 +180,7 @@ def decode(
     bayer : one of `BAYER`, where pixels have colour filters.
     views : number in a row and in a column; default: the largest odd number that fits under a microlens.
     srgb : True if 8- and 16-bit files hold display values; a camera's raw picture does not.
-    optics : of the camera; without it there are no metres.
+    optics : of the camera, or its calibration; without either there are no metres.
 
     Raises
     ------
@@ -221,7 +232,7 @@ def _make_decoded(
     scale: float,
     weight: Floats32 | None,
     grid: Grid,
-    optics: Optics,
+    optics: Optics | CameraModel,
     count: int | None,
     name: str,
     notes: list[str],
@@ -236,17 +247,23 @@ def _make_decoded(
         resampler = Resampler(grid.lattice, width, height, count=number)
     except ValueError as error:
         raise InputError(f"{name}: {error}") from None
+    camera = optics if isinstance(optics, CameraModel) else None
+    nominal = Optics() if isinstance(optics, CameraModel) else optics
     try:
-        views = optics.views(grid, resampler)
+        views = nominal.views(grid, resampler)
     except ValueError as error:
-        raise InputError(f"--focus-distance {optics.focus_distance:g}: {error}") from None
+        raise InputError(f"--focus-distance {nominal.focus_distance:g}: {error}") from None
+    if camera is not None:
+        camera.check_views(views, "--calibration")
+        views = camera.views(grid.diameter)
     settings: dict[str, str | float | int] = {
         "decoded": name,
         "microlenses": grid.layout,
         "microlens_pitch_pixels": grid.lattice.pitch,
         "microlens_rotation_degrees": grid.lattice.rotation,
     }
-    if optics.missing:
+    if camera is None and nominal.missing:
         settings["units"] = "views"
-        notes.append(f"distances are in pixels from view to view; metres would need {optics.missing}")
-    return Decoded(grid, views, settings, tuple(notes), resampler, picture, scale, weight)
+        notes.append(f"distances are in pixels from view to view; metres would need {nominal.missing}")
+    rectified = camera if camera is not None and camera.is_distorted else None
+    return Decoded(grid, views, settings, tuple(notes), resampler, picture, scale, weight, rectified)

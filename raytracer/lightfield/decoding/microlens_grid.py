@@ -27,8 +27,8 @@ class Grid:
     ----------
     lattice : centres of the sub-images, counted from the one nearest to the picture's middle.
     width, height : pixels of the raw pictures.
-    residual : distance of blocks of microlenses from the lattice (raw pixels, RMS of the blocks that were used).
-    blocks : number of the blocks that were used, and of all.
+    residual : distance of sub-images from the lattice (raw pixels, RMS of those that were used).
+    microlenses : number of those that were used, and of those that were measured.
     diameter : of a sub-image (raw pixels): of the disc as large as the part that is at least half as bright as its
         middle.
     """
@@ -37,7 +37,7 @@ class Grid:
     width: int
     height: int
     residual: float = 0.0
-    blocks: tuple[int, int] = (0, 0)
+    microlenses: tuple[int, int] = (0, 0)
     diameter: float = 0.0
 
     @property
@@ -57,8 +57,8 @@ class Grid:
             "across": list(lattice.across),
             "diameter": self.diameter,
             "residual": self.residual,
-            "blocks_used": self.blocks[0],
-            "blocks": self.blocks[1],
+            "microlenses_used": self.microlenses[0],
+            "microlenses_measured": self.microlenses[1],
             "width": self.width,
             "height": self.height,
         }

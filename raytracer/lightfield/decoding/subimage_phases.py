@@ -1,10 +1,10 @@
 """Middles of single sub-images, by the phases of the lattice's waves over the cell of each microlens.
 
-The wave of a lattice's frequency k over the light of one sub-image, c = sum L(o) exp(-2 pi i k . o), turns by -2 pi k . d
-if the sub-image is moved by d: its phase is the middle, for any symmetric shape, without a threshold.  The light of
+The wave of a lattice's frequency k over the light of one sub-image, c = sum L(o) exp(-2 pi i k . o), turns by -2 pi k
+. d if the sub-image is moved by d: its phase is the middle, for any symmetric shape, without a threshold.  The light of
 other microlenses has no part in it, so that the edge of what is lit does no harm beyond the sub-images that it cuts.
-The amplitude |c| / sum L is a measure of the shape: where a rim of the lens cuts sub-images ("cat's eyes"), and so moves
-their middles, it changes as well.
+The amplitude |c| / sum L is a measure of the shape: where a rim of the lens cuts sub-images ("cat's eyes"), and so
+moves their middles, it changes as well.
 """
 
 import math
@@ -56,7 +56,7 @@ class Levels(NamedTuple):
 
 
 def shortest_frequencies(lattice: Lattice) -> Floats:
-    """Compute the shortest frequencies of a lattice (cycles a pixel): 2 of squares, 3 of hexagons, each right and down."""
+    """Compute the shortest frequencies of a lattice (cycles a pixel), right and down: 2 of squares, 3 of hexagons."""
     waves = np.linalg.inv(np.column_stack([lattice.along, lattice.across]))
     if not lattice.hexagonal:
         return np.asarray(waves)

@@ -101,7 +101,9 @@ def deep_png(values, key=None):
     chunks = [(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, (0, 4, 2, 6)[channels - 1], 0, 0, 0))]
     chunks += [] if key is None else [(b"tRNS", np.array(key, ">u2").tobytes())]
     chunks += [(b"IDAT", zlib.compress(lines)), (b"IEND", b"")]
-    packed = (struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks)
+    packed = (
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in chunks
+    )
     return b"\x89PNG\r\n\x1a\n" + b"".join(packed)
 
 
@@ -110,14 +112,24 @@ def deep_tiff(values, order="<", compression=1, planes=1):
     height, width, channels = values.shape
     body = values.astype(f"{order}u2").tobytes()
     body = zlib.compress(body) if compression == 8 else body
-    entries = [(256, 4, width), (257, 4, height), (258, 3, None), (259, 3, compression), (262, 3, 2 if channels > 2 else 1)]
+    entries = [
+        (256, 4, width),
+        (257, 4, height),
+        (258, 3, None),
+        (259, 3, compression),
+        (262, 3, 2 if channels > 2 else 1),
+    ]
     entries += [(273, 4, 200), (277, 3, channels), (278, 4, height), (279, 4, len(body)), (284, 3, planes)]
     entries += [(338, 3, 2)] if channels == 4 else []
     bits = struct.pack(f"{order}{channels}H", *[16] * channels)
     packed = b""
     for tag, kind, value in entries:
         count = channels if value is None else 1
-        field = struct.pack(f"{order}I", 180) if value is None else struct.pack(f"{order}{'I' if kind == 4 else 'H'}", value)
+        field = (
+            struct.pack(f"{order}I", 180)
+            if value is None
+            else struct.pack(f"{order}{'I' if kind == 4 else 'H'}", value)
+        )
         packed += struct.pack(f"{order}HHI", tag, kind, count) + field.ljust(4, b"\0")
     head = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(f"{order}I", 8)
     head += struct.pack(f"{order}H", len(entries)) + packed + bytes(4)

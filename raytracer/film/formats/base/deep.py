@@ -44,9 +44,7 @@ def is_deep(file: "PIL.Image.Image", data: bytes) -> bool:
     return file.format == "TIFF" and max(getattr(file, "tag_v2", {}).get(_TIFF_BITS, (8,))) > 8
 
 
-def read_deep(
-    open_file: Callable[[bytes], Any], file: "PIL.Image.Image", data: bytes
-) -> NDArray[np.uint16]:
+def read_deep(open_file: Callable[[bytes], Any], file: "PIL.Image.Image", data: bytes) -> NDArray[np.uint16]:
     """Read the values of an image that `is_deep`, uint16 (height, width, channels), with opacity if it has any.
 
     Parameters

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from raytracer.lightfield.calibrating.camera import CameraModel
 from raytracer.lightfield.decoding.decoder import Decoded, decode
 from raytracer.lightfield.decoding.lytro.container import is_container
 from raytracer.lightfield.decoding.lytro.metadata import PhotoMetadata
@@ -45,7 +46,7 @@ def decode_photo(
     grid: Grid | None = None,
     views: int | None = None,
     colors: Colors = "camera",
-    optics: Optics | None = None,
+    optics: Optics | CameraModel | None = None,
 ) -> Decoded:
     """Make the photograph in a container of Lytro's ready to be resampled into views.
 
@@ -59,7 +60,7 @@ def decode_photo(
     grid : of the microlenses, if it is known.
     views : number in a row and in a column; default: the largest odd number that fits under a microlens.
     colors : "camera" for the gains and the matrix of the metadata, "white" if the white picture's colour is white.
-    optics : what is known better than by the metadata.
+    optics : what is known better than by the metadata, or a calibration of the camera.
 
     Raises
     ------
@@ -76,7 +77,7 @@ def decode_photo(
         grid=grid,
         bayer=metadata.bayer,
         views=views,
-        optics=optics_from_metadata(metadata, optics or Optics()),
+        optics=optics if isinstance(optics, CameraModel) else optics_from_metadata(metadata, optics or Optics()),
     )
     clipped = [note for one in (picture, flat and flat.source) for note in _clipping(one)]
     notes = (*(() if flat is None else flat.notes), *clipped, *decoded.notes, *_notes(metadata, decoded.grid))
