@@ -12,11 +12,13 @@ from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import (
     File,
     Framing,
+    Memory,
     Quiet,
     check_outputs,
     estimate_depth,
+    limit_memory,
     open_any,
-    open_light_field,
+    open_within,
     parse_distance,
     parse_framing,
     parse_point,
@@ -40,6 +42,9 @@ Examples:
   rt lightfield move around.lf --from 0,1,4 --toward 0,0,0 -o orbit.webp                        once round a point
   rt lightfield move around.lf --from 0,1,4 --from 3,2,1 --from 0,4,0.5 --toward 0,0,0 -o path.gif  through places
 """
+
+_FRAME_BYTES = 6
+"""Bytes a pixel of a frame, until all are encoded."""
 
 
 class Route(NamedTuple):
@@ -86,6 +91,7 @@ def move(
         bool, Option("--depth/--no-depth", help="Take each point from where its depth puts it, or blend views.")
     ] = True,
     distance: Annotated[str | None, takes("LENGTH", "The plane that is sharp between views, with --no-depth.")] = None,
+    memory: Memory = "2GB",
     quiet: Quiet = False,
 ) -> None:
     """Move a pinhole about in the plane of the views, or with --from in the scene: parallax as an animation.
@@ -101,6 +107,7 @@ def move(
 
     from raytracer.film.animation import check, encode
     from raytracer.lightfield.depth.depth_map import depth_map
+    from raytracer.lightfield.memory import require_memory
     from raytracer.lightfield.views.camera_paths import PATHS, look_around, path_places
     from raytracer.util import srgb
     from raytracer.util.atomic_write import write_bytes
@@ -116,16 +123,19 @@ def move(
         places = [parse_point("--from", place) for place in look_from]
         route = Route(places, parse_point("--toward", toward), frames)
         framing = parse_framing(up, vfov, size)
-        write_bytes(output, encode(_draw_route(file, route, framing, plane, quiet), kind, fps=fps))
+        with limit_memory(memory):
+            write_bytes(output, encode(_draw_route(file, route, framing, plane, quiet), kind, fps=fps))
         report_written(output, quiet=quiet)
         return
     if vfov is not None or size is not None:
         raise InputError("--vfov and --size are those of pictures from places in the scene: give --from too")
     is_known = depth and plane is None
-    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with open_within(file, memory) as field, Bar(" steps", quiet=quiet) as bar:
         with options.name_in_errors(file):
             positions = path_places(field.views, path, frames=frames, radius=path_radius)
             depths = depth_map(field, update=bar.update) if is_known else None
+            size = _FRAME_BYTES * frames * field.views.width * field.views.height
+            require_memory(size, f"an animation of {frames} frames", "fewer --frames take less")
         pictures = []
         for number, view in enumerate(look_around(field, positions, depth=depths, distance=plane)):
             pictures.append(srgb.to_uint8(view))

@@ -10,7 +10,7 @@ from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
-from raytracer.cli.lightfield.base import File, Quiet, parse_distance, parse_position, parse_view
+from raytracer.cli.lightfield.base import File, Memory, Quiet, parse_distance, parse_position, parse_view
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def views(
     width: Annotated[
         int | None, Option(min=1, max=65500, help="Of the montage in pixels, at most.  Default: 4096.")
     ] = None,
+    memory: Memory = "2GB",
     quiet: Quiet = False,
 ) -> None:
     """Extract views of a light field: one, one between others or from anywhere, all, or all on one picture (default).
@@ -104,9 +105,10 @@ def views(
 
     if look_from is not None and toward is not None:
         ends = base.parse_point("--from", look_from), base.parse_point("--toward", toward)
-        _draw_from(file, output, ends, base.parse_framing(up, vfov, size), plane, quiet)
+        with base.limit_memory(memory):
+            _draw_from(file, output, ends, base.parse_framing(up, vfov, size), plane, quiet)
         return
-    with base.open_any(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with base.limit_memory(memory), base.open_any(file) as field, Bar(" steps", quiet=quiet) as bar:
         geometry = field.views
         if every:
             _save_all(field, output, ending, bar.update, quiet)
