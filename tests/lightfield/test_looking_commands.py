@@ -65,7 +65,8 @@ def test_views(file, tmp_path, capsys):
 def test_depth(file, tmp_path, capsys):
     names = [tmp_path / f"d{suffix}" for suffix in (".png", ".exr", ".npy", ".pfm")]
     outputs = [part for name in names for part in ("-o", name)]
-    assert run("depth", file, *outputs, "--confidence", tmp_path / "c.npy", "--json", "-q") == 0
+    errors = ["--error", tmp_path / "e.npy"]
+    assert run("depth", file, *outputs, "--confidence", tmp_path / "c.npy", *errors, "--truth", "--json", "-q") == 0
     told = json.loads(capsys.readouterr().out)
     depth = np.load(names[2])
     layers, _ = image_file.load_layers(names[1])
@@ -76,6 +77,31 @@ def test_depth(file, tmp_path, capsys):
     with lf.open(file) as field:
         exact = np.asarray(field.layers["depth"][1, 2])
     assert told["median_m"] == pytest.approx(np.median(exact), rel=0.02)
+    error, confidence = np.load(tmp_path / "e.npy"), np.load(tmp_path / "c.npy")
+    assert np.array_equal(layers["error"], error.astype(np.float32))
+    assert told["error_m"] == pytest.approx(np.median(error[confidence >= 0.5]), rel=0.02)
+    disparity = np.abs(1.0 / depth - 1.0 / exact)[1:-1, 1:-1] * 0.03 / (2.0 * np.tan(np.radians(15.0)) / 30)
+    assert told["truth"]["bad_0.03"] == pytest.approx((disparity > 0.03).mean())
+    assert told["truth"]["mse_x100"] == pytest.approx(100.0 * (disparity**2).mean())
+    assert told["truth"]["curved_degrees"] is None
+
+
+def test_a_depth_without_truth_or_metres(file, tmp_path, capsys):
+    with lf.open(file) as field:
+        plain = LightField(np.asarray(field.radiance[:]), field.views, settings={"units": "views"})
+    lf.write(tmp_path / "plain.lf", plain)
+    assert run("depth", tmp_path / "plain.lf", "--truth") == 2
+    assert capsys.readouterr().err.startswith(f"rt: {tmp_path / 'plain.lf'}: --truth needs a light field in metres")
+    assert run("depth", tmp_path / "plain.lf", "--error", tmp_path / "e.png", "--json", "-q") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert 0.0 < told["error_px"] < 0.1
+    with PIL.Image.open(tmp_path / "e.png") as picture:
+        assert len(picture.getcolors(4096)) > 50
+    assert run("depth", file, "--truth") == 0
+    out = capsys.readouterr().out
+    assert "half of these have a standard error of at most" in out
+    assert "against the layer depth: mean squared error x 100:" in out
+    assert "median angle between normals on planes:" in out
 
 
 def test_a_pixel_that_is_sure_and_wrong_does_not_stretch_what_is_told(file, tmp_path, monkeypatch, capsys):

@@ -25,11 +25,12 @@ Examples:
   rt lightfield depth array.lf -o depth.png -o depth.exr
   rt lightfield depth array.lf --near 1 --far 4 -o depth.npy --confidence sure.png
   rt lightfield depth array.lf --method slopes --view 0,0 -o corner.pfm
-  rt lightfield depth array.lf --json
+  rt lightfield depth array.lf -o depth.npy --error error.npy
+  rt lightfield depth array.lf --truth --json
 
 \b
 .png      colours, near bright, far dark, by equal steps of 1 / distance
-.exr      the view, with the layers depth (m) and confidence
+.exr      the view, with the layers depth (m), error (m, standard error) and confidence
 .npy .pfm metres alone; inf is infinity, nan where no light came (grey in .png)
 """
 
@@ -49,6 +50,11 @@ def depth(
     file: File,
     output: Annotated[list[Path] | None, options.output("OUT", ".png .exr .npy .pfm.  May repeat.")] = None,
     confidence: Annotated[Path | None, takes("OUT", "How sure each pixel is, 0 to 1: .png .npy .pfm.")] = None,
+    error: Annotated[Path | None, takes("OUT", "Standard error of each pixel, in metres: .png .npy .pfm.")] = None,
+    truth: Annotated[
+        bool,
+        Option("--truth", help="Measure the errors against the file's own layer depth, as the benchmark of HCI does."),
+    ] = False,
     method: Annotated[
         str, Option(help="focus, slopes, or both.", autocompletion=complete_from("focus", "slopes", "both"))
     ] = "both",
@@ -63,14 +69,14 @@ def depth(
     """Find how far away everything is that a view sees, in metres along the axis, and how sure that is.
 
     From focus (at which distance all views agree) and from the slopes of lines in epipolar slices.  Where there is no
-    texture, all distances agree: the confidence is low there.
+    texture, or one that repeats, many distances agree: the error is large there, and the confidence low.
     """
     outputs = output or []
     from raytracer.film.formats.registry import image_formats, map_suffixes
 
     base.check_outputs(outputs, map_suffixes(), "a depth map")
-    if confidence is not None:
-        base.check_outputs([confidence], map_suffixes(with_image=False), "a map of confidence")
+    maps = [path for path in (confidence, error) if path is not None]
+    base.check_outputs(maps, map_suffixes(with_image=False), "a map")
     row, column = base.parse_view("--view", view) or (None, None)
     bounds = {"near": parse_distance("--near", near), "far": parse_distance("--far", far)}
 
@@ -82,20 +88,26 @@ def depth(
         raise InputError(f"--method {method}: must be one of {', '.join(METHODS)}")
     with base.open_within(file, memory) as field, Bar(" steps", quiet=quiet) as bar:
         with options.name_in_errors(file):
+            exact = _true_distances(field) if truth else None
             depths = depth_map(
                 field, row=row, column=column, method=method, threads=threads, update=bar.update, **bounds
             )
         for path in outputs:
             image_format = image_formats()[path.suffix.lower()]
             if image_format.has_layers:
-                layers = {"depth": depths.distance, "confidence": depths.confidence}
+                layers = {"depth": depths.distance, "error": depths.distance_error, "confidence": depths.confidence}
                 base.save_picture(field.view(depths.row, depths.column), path, field, layers)
             else:
                 write_bytes(path, _encode_depths(depths, field, image_format))
         if confidence is not None:
             write_bytes(confidence, _encode_confidence(depths, image_formats()[confidence.suffix.lower()]))
+        if error is not None:
+            write_bytes(error, _encode_error(depths, field, image_formats()[error.suffix.lower()]))
         summary = _summary(depths, field, method)
-    report_written(*outputs, *([] if confidence is None else [confidence]), quiet=quiet)
+        if exact is not None:
+            with options.name_in_errors(file):
+                summary["truth"] = _measured(depths, field, exact)
+    report_written(*outputs, *maps, quiet=quiet)
     if as_json:
         print_json(summary)
     elif not quiet:
@@ -128,11 +140,56 @@ def _encode_confidence(depths: "Depth", image_format: "ImageFormat") -> bytes:
     return image_format.encode_pixels(np.rint(255.0 * depths.confidence).astype(np.uint8))
 
 
+def _encode_error(depths: "Depth", field: "LightField", image_format: "ImageFormat") -> bytes:
+    """Encode a map of the standard error as a file: metres, or as a picture by its logarithm."""
+    import numpy as np
+
+    from raytracer.report.colour_maps import depth_colours
+
+    error = depths.distance_error if field.is_metric else depths.disparity_error(field.views)
+    assert error is not None
+    if image_format.encode_map is not None:
+        return image_format.encode_map(error)
+    assert image_format.encode_pixels is not None
+    logarithm = np.log(np.where(np.isfinite(error) & (error > 0.0), error, np.nan))
+    if not np.isfinite(logarithm).any():
+        return image_format.encode_pixels(depth_colours(logarithm, 0.0, 1.0))
+    low, high = np.nanquantile(logarithm, [_TAILS, 1.0 - _TAILS])
+    return image_format.encode_pixels(depth_colours(logarithm, float(low), float(high)))
+
+
+def _true_distances(field: "LightField") -> Any:
+    """Return the layer of true distances; raise an InputError if there is none in metres."""
+    if not field.is_metric or "depth" not in field.layers:
+        raise InputError("--truth needs a light field in metres with the layer depth, as `--aov depth` renders it")
+    return field.layers["depth"]
+
+
+def _measured(depths: "Depth", field: "LightField", layer: Any) -> dict[str, Any]:
+    """Measure a depth map against the layer of true distances; None stands for what there is nothing of."""
+    import numpy as np
+
+    from raytracer.lightfield.depth.measures import BAD, measure_depth
+
+    exact = np.asarray(layer[depths.row, depths.column], dtype=np.float64).reshape(depths.inverse.shape)
+    try:
+        measures = measure_depth(field.views, depths, exact)
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    angles = {"planes_degrees": measures.planes_degrees, "curved_degrees": measures.curved_degrees}
+    return {
+        "mse_x100": measures.mse_x100,
+        **{f"bad_{limit:g}": share for limit, share in zip(BAD, measures.bad, strict=True)},
+        **{name: angle if math.isfinite(angle) else None for name, angle in angles.items()},
+    }
+
+
 def _summary(depths: "Depth", field: "LightField", method: str) -> dict[str, Any]:
     """Return the numbers that `--json` prints; None stands for infinity."""
     import numpy as np
 
     is_sure = depths.confidence >= _SURE
+    error = depths.distance_error if field.is_metric else depths.disparity_error(field.views)
     view, share = [depths.row, depths.column], float(is_sure.mean())
     summary: dict[str, Any] = {"method": method, "view": view, "sure_share": share}
     if is_sure.any():
@@ -144,6 +201,9 @@ def _summary(depths: "Depth", field: "LightField", method: str) -> dict[str, Any
             name: float(value) if math.isfinite(value) else None
             for name, value in zip(names, np.quantile(values, shares, method="inverted_cdf"), strict=True)
         }
+        if error is not None:
+            middle = float(np.quantile(error[is_sure], 0.5, method="inverted_cdf"))
+            summary["error_m" if field.is_metric else "error_px"] = middle if math.isfinite(middle) else None
     return summary
 
 
@@ -153,10 +213,29 @@ def _print(summary: dict[str, Any]) -> None:
         values = (summary[name] for name in ("near_m", "median_m", "far_m"))
         near, median, far = ("infinity" if value is None else f"{value:.4g} m" for value in values)
         print(f"{_ALMOST_ALL} of these are {near} to {far} away, half of them at most {median}")
+        if summary.get("error_m") is not None:
+            print(f"half of these have a standard error of at most {_metres(summary['error_m'])}")
     elif "least_px" in summary:
         low, high = summary["least_px"], summary["most_px"]
         print(
             f"{_ALMOST_ALL} of these move by {low:.3g} to {high:.3g} pixels from view to view; "
             "metres need the geometry, which is not known"
         )
+    if "truth" in summary:
+        _print_truth(summary["truth"])
     sys.stdout.flush()
+
+
+def _metres(length: float) -> str:
+    """Say a small length in mm."""
+    return f"{1e3 * length:.3g} mm" if length < 1.0 else f"{length:.3g} m"
+
+
+def _print_truth(measures: dict[str, Any]) -> None:
+    """Print the measures of the benchmark."""
+    print(f"against the layer depth: mean squared error x 100: {measures['mse_x100']:.3g} px^2")
+    shares = (f"{100.0 * value:.3g} % > {name[4:]} px" for name, value in measures.items() if name.startswith("bad_"))
+    print(f"errors of the disparity: {', '.join(shares)}")
+    for name, what in (("planes_degrees", "planes"), ("curved_degrees", "curved surfaces")):
+        if measures[name] is not None:
+            print(f"median angle between normals on {what}: {measures[name]:.3g} degrees")

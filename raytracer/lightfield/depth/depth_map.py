@@ -5,6 +5,8 @@ Two methods, each with a confidence in 0..1, and both together:
 - **focus**: a plane sweep (`plane_sweep`), which knows what hides what;
 - **slopes**: the structure tensor of epipolar slices (`structure_tensor`), finer than any step between planes.
 
+What they find is refined by the views' residuals (`refinement`), and gets a standard error (`reliability`).
+
 Distances are those along the axis from the plane of the views, as of the AOV `depth`.  Both methods work in
 1 / distance, in which a step moves pixels by the same everywhere.
 """
@@ -60,10 +62,12 @@ class Depth:
     ----------
     inverse : float64 (height, width), 1 / distance (1/m); of a light field whose geometry is not known, pixels from
         view to view.
-    confidence : float64 (height, width) in 0..1; 0 where all distances explain the views as well, as without texture.
+    confidence : float64 (height, width) in 0..1, a half where the standard error is a hundredth of the range of the
+        scene in 1 / distance; near 0 where many distances explain the views as well, as without texture.
     row, column : of the view.
     lit : True for pixels of the view that got light, bool (height, width); None for all.  `inverse` is continued over
         others.
+    error : standard error of `inverse`, of the same unit, float64 (height, width); None if it is not known.
     """
 
     inverse: FloatArray
@@ -81,6 +85,22 @@ class Depth:
         """
         with np.errstate(divide="ignore"):
             return self.known(np.where(self.inverse > 0.0, 1.0 / np.maximum(self.inverse, 0.0), np.inf))
+
+    @property
+    def distance_error(self) -> FloatArray | None:
+        """Standard error of the distance (m), float64 (height, width); inf where the distance is; None if not known."""
+        if self.error is None:
+            return None
+        distance = self.distance
+        is_finite = np.isfinite(distance)
+        error = np.where(is_finite, distance, 0.0) ** 2 * self.error
+        return self.known(np.where(is_finite, error, np.inf))
+
+    def disparity_error(self, views: Views) -> FloatArray | None:
+        """Return the standard error in pixels from view to view, float64 (height, width); None if it is not known."""
+        if self.error is None:
+            return None
+        return self.known(self.error * (median_spacing(views) / views.plane.pixel))
 
     def known(self, values: FloatArray) -> FloatArray:
         """Mask values (height, width): nan where there is no light."""
@@ -150,7 +170,7 @@ def depth_map(
 
 
 def _found_range(field: LightField, inverse: FloatArray, error: FloatArray, bounds: tuple[float, float]) -> float:
-    """Return the range of 1 / distance of the half of the pixels that is known best, and a pixel more, within bounds."""
+    """Return the range of 1 / distance of the better known half of the pixels, and a pixel more, within bounds."""
     views = field.views
     best = inverse[error <= np.median(error)]
     found = float(np.ptp(np.quantile(best, [_TAILS, 1.0 - _TAILS])))
@@ -219,12 +239,12 @@ _TAILS = 0.001
 """Share of the pixels at each end of the distances of the coarse search that counts as outliers."""
 
 _REPEATING, _REPEATING_COST = 0.9, 3.0
-"""Confidence from which on a pixel has texture, as a share of the median, and ratio of costs below which another distance
-is a rival: the texture repeats."""
+"""Confidence from which on a pixel has texture, as a share of the median, and ratio of costs below which another
+distance is a rival: the texture repeats."""
 
 _REPEATING_SHARE, _REPEATING_TAILS = 0.05, 0.02
-"""Share of such pixels from which on the search covers all their distances, but for tails: at most 0.014 in scenes without
-repeating textures, and 0.11 to 0.45 where they fill half of the picture."""
+"""Share of such pixels from which on the search covers all their distances, but for tails: at most 0.014 in scenes
+without repeating textures, and 0.11 to 0.45 where they fill half of the picture."""
 
 _NEIGHBOURS = 8
 """Views next to the reference view with which the coarse search compares it."""
@@ -277,7 +297,8 @@ def search_bounds(
     least, most = np.quantile(confident, [_TAILS, 1.0 - _TAILS])
     # Where a texture repeats, any of its distances may be the true one: all of them are searched, to be told apart, or
     # to be refused.
-    assert coarse.rival is not None and coarse.rival_cost is not None
+    assert coarse.rival is not None
+    assert coarse.rival_cost is not None
     repeats = known & (coarse.confidence >= _REPEATING * np.median(coarse.confidence[known]))
     repeats &= coarse.rival_cost < _REPEATING_COST
     if repeats.sum() >= _REPEATING_SHARE * known.sum():

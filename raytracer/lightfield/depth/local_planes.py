@@ -7,8 +7,8 @@ of the fit at the pixel is the Cramer-Rao bound of its disparity.
 The larger the neighbourhood, the less noise there is, and the more a curved surface is flattened.  So two sizes are
 fitted, and the larger one is taken where both agree to within the error of the smaller one.
 
-References: Cleveland 1979, "Robust Locally Weighted Regression and Smoothing Scatterplots"; Katkovnik 1999, "A New Method
-    for Varying Adaptive Bandwidth Selection" (intersection of confidence intervals); Kay 1993, "Fundamentals of
+References: Cleveland 1979, "Robust Locally Weighted Regression and Smoothing Scatterplots"; Katkovnik 1999, "A New
+    Method for Varying Adaptive Bandwidth Selection" (intersection of confidence intervals); Kay 1993, "Fundamentals of
     Statistical Signal Processing: Estimation Theory", sec. 3.
 """
 
@@ -83,7 +83,9 @@ def fit_planes(
     flattened = np.maximum(ndimage.uniform_filter(beyond, 5, mode="nearest"), 0.0)
     large = large._replace(variance=large.variance + flattened)
     small = small._replace(variance=small.variance + (_SMALL / _LARGE) ** 4 * flattened)
-    return Planes(*(np.where(is_large, one, other) for one, other in zip(large, small, strict=True))), np.where(is_edge, jumps, 0.0)
+    return Planes(*(np.where(is_large, one, other) for one, other in zip(large, small, strict=True))), np.where(
+        is_edge, jumps, 0.0
+    )
 
 
 def _neighbours(shape: tuple[int, ...], sigma: float) -> Iterator[tuple[int, int, float]]:

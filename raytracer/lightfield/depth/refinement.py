@@ -1,7 +1,7 @@
 """Refinement of a depth estimate to a hundredth of a pixel, with its standard error.
 
-In turns, the views' linearised residuals tell by how much each pixel is off (`residuals`), and neighbours on one surface
-are averaged by planes (`local_planes`), whose variance is that of the result.  Edges in depth stay where they are.
+In turns, the views' linearised residuals tell by how much each pixel is off (`residuals`), and neighbours on one
+surface are averaged by planes (`local_planes`), whose variance is that of the result.  Edges in depth stay in place.
 """
 
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ _EDGE = 0.5
 """Jump of the disparity, in pixels of the outermost view, that makes an edge."""
 
 _START, _LEAST = 1.0 / 3.0, 0.1
-"""Uncertainty of the disparity to begin with, and at least, in pixels of the outermost view: a step from plane to plane,
-and what surfaces curve by."""
+"""Uncertainty of the disparity to begin with, and at least, in pixels of the outermost view: a step from plane to
+plane, and what surfaces curve by."""
 
 
 class Refined(NamedTuple):

@@ -3,12 +3,12 @@
 Three things make a depth wrong, and their squares add up:
 
 - noise, where there is little texture: the variance of the refined estimate (`refinement`);
-- another distance that explains the views nearly as well, as where a texture repeats: the distance to it, weighed by the
+- another distance that explains the views nearly as well, as where a texture repeats: how far it is, weighed by the
   probability that it is the true one, which falls with a power of the ratio of their costs;
 - an edge in depth through the pixel or beside it, which may belong to either side.
 
-Reference: Matthies, Kanade, Szeliski 1989, "Kalman Filter-based Algorithms for Estimating Depth from Image Sequences", sec.
-    3 (variance of a disparity by the curvature of its cost).
+Reference: Matthies, Kanade, Szeliski 1989, "Kalman Filter-based Algorithms for Estimating Depth from Image Sequences",
+    sec. 3 (variance of a disparity by the curvature of its cost).
 """
 
 import numpy as np
@@ -17,15 +17,15 @@ from raytracer.lightfield.depth.estimate import Estimate, FloatArray
 from raytracer.lightfield.depth.refinement import Refined
 
 _RIVAL_POWER = 4.0
-"""Power of the ratio of costs by which the odds of the second best explanation fall.  Measured on twenty scenes, half of
-which repeat: for ratios of 1.1, 1.4, 1.8 and 3 a share of 0.35, 0.2, 0.1 and 0.01 of the pixels is wrong."""
+"""Power of the ratio of costs by which the odds of the second best explanation fall.  Measured on twenty scenes, half
+of which repeat: for ratios of 1.1, 1.4, 1.8 and 3 a share of 0.35, 0.2, 0.1 and 0.01 of the pixels is wrong."""
 
 _WRONG_SIDE = 1.0 / 8.0
 """Share of the pixels beside an edge that are taken to be of its other side, measured on the same scenes."""
 
-_GROWTH, _UNSURE = 3, 0.25
-"""Pixels by which a surface grows in the sweep, whose filter is that wide, over one whose standard error is more than
-this share of the step from plane to plane."""
+_GROWN, _GROWTH, _UNSURE = 1.0 / 64.0, 3, 0.25
+"""Share of the pixels that a surface has grown over, and pixels by which it grows, as wide as the filters of the sweep,
+where the standard error beside it is more than this share of the step from plane to plane."""
 
 TOLERANCE = 0.01
 """Standard error, as a share of the range of 1 / distance in the scene, at which the confidence is a half."""
@@ -47,8 +47,8 @@ def standard_error(estimate: Estimate, refined: Refined, bounds: tuple[float, fl
     # A surface grows over one that has little texture.
     beside = ndimage.maximum_filter(variance, 2 * _GROWTH + 1, mode="nearest")
     grown = ndimage.maximum_filter(refined.jump, 2 * _GROWTH - 1, mode="nearest")
-    jump = np.where(beside > (_UNSURE * step) ** 2, grown, refined.jump)
-    wrong_side = _WRONG_SIDE * np.maximum(jump**2, beside)
+    grown = np.where(beside > (_UNSURE * step) ** 2, grown, 0.0)
+    wrong_side = np.maximum(_WRONG_SIDE * refined.jump**2, _GROWN * grown**2)
     if estimate.rival is not None and estimate.rival_cost is not None:
         # Odds of 1 to ratio^power, without powers of infinity.
         odds = (1.0 / estimate.rival_cost) ** _RIVAL_POWER

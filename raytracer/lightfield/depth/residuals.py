@@ -113,7 +113,7 @@ def _smoothed_noise(noise: FloatArray) -> FloatArray:
     from scipy import ndimage
 
     least = max(_LEAST_NOISE * float(np.median(noise)), np.finfo(np.float64).tiny)
-    return np.maximum(ndimage.uniform_filter(noise, _NOISE_WIDTH, mode="nearest"), least)
+    return np.asarray(np.maximum(ndimage.uniform_filter(noise, _NOISE_WIDTH, mode="nearest"), least))
 
 
 _NOISE_WIDTH = 5
@@ -157,7 +157,7 @@ def measure_offsets(
     for first in range(0, len(others), _AT_ONCE):
         some = others[first : first + _AT_ONCE]
         for other, (value, weight) in zip(some, context.pool.map(weighted_view, some), strict=True):
-            sums.add(*places[other].tolist(), weight, value)
+            sums.add(float(places[other][0]), float(places[other][1]), weight, value)
             context.counter.step()
     return sums.solve()
 
