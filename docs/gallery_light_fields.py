@@ -1,7 +1,7 @@
 """Pictures of docs/gallery that are made of light fields."""
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,13 @@ from raytracer.analysis.probe import probe_sphere
 from raytracer.cli.base.app import main as run_command
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.layout import extract_light_field
-from raytracer.film.light_field.lf import write
+from raytracer.film.light_field.lf import open_posed, write
+from raytracer.lightfield.capturing.capture import capture
 from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.lightfield.views.free_camera import Point, free_camera
 from raytracer.lightfield.views.synthesis import view_at
+from raytracer.lightfield.views.unstructured import views_along
+from raytracer.plugins.cameras.pinhole import Pinhole
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
 from raytracer.util.srgb import to_uint8
@@ -191,6 +195,35 @@ DRAGON_FOCUSES = (0.58, 0.66, 0.79, 0.98)
 """What is refocused of dragons_lens.yaml: near and far parts of either dragon (m)."""
 
 
+def poses_picture() -> Image.Image:
+    """A still life from poses that were never rendered, drawn from the views round it, and rendered from there."""
+    spec = load(SCENES / "lightfield" / "around.yaml")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "around.lf"
+        capture(spec, path, aovs=("depth",), spp=16)
+        with open_posed(path) as field:
+            cameras = [free_camera(*ends, field.views, vfov=46.0) for ends in NEW_POSES]
+            drawn = [np.nan_to_num(view.radiance) for view in views_along(field, cameras)]
+    pinholes = [Pinhole.model_validate({"look_from": eye, "look_at": at, "vfov": 46.0}) for eye, at in NEW_POSES]
+    rendered = [render(spec.model_copy(update={"camera": pinhole}), spp=48).image.radiance for pinhole in pinholes]
+    return poses_sheet([to_uint8(picture) for picture in drawn], [to_uint8(picture) for picture in rendered])
+
+
+def poses_sheet(drawn: Sequence[NDArray[np.uint8]], rendered: Sequence[NDArray[np.uint8]]) -> Image.Image:
+    """Put pictures that were drawn from a light field above those that were rendered."""
+    captions = [*["drawn from the light field"] * len(drawn), *["rendered"] * len(rendered)]
+    return sheet([*drawn, *rendered], captions, len(drawn))
+
+
+NEW_POSES: tuple[tuple[Point, Point], ...] = (
+    ((-3.02, 0.33, -0.58), (-0.18, -0.07, 0.15)),
+    ((4.85, 0.34, 0.62), (0.16, -0.08, -0.07)),
+    ((0.92, 0.69, 3.49), (-0.00, -0.06, -0.05)),
+    ((-3.37, -1.01, 1.12), (0.13, 0.10, 0.12)),
+)
+"""From where and where to the pictures of `poses_picture` look (m)."""
+
+
 MADE: Mapping[str, Callable[[], Image.Image]] = {
     "lightfield_letters": letters_picture,
     "lightfield_dragons": dragons_picture,
@@ -202,5 +235,6 @@ MADE: Mapping[str, Callable[[], Image.Image]] = {
     "lightfield_two_planes": two_planes_picture,
     "lightfield_raw": raw_picture,
     "lightfield_raw_dragons": raw_dragons_picture,
+    "lightfield_poses": poses_picture,
 }
 """What makes each of the pictures."""

@@ -51,6 +51,8 @@ SHARED: dict[str, tuple[type[Spec], str, str]] = {
 CHAPTERS: dict[str, tuple[str, ...]] = {
     "cameras": ("lecture.md", "lecture/04-field-of-view.md"),
     "cameras/camera_array": ("lightfields.md", "lecture/12-light-fields.md"),
+    "cameras/camera_box": ("lightfields-poses.md", "lecture/12-light-fields.md"),
+    "cameras/camera_sphere": ("lightfields-poses.md",),
     "cameras/fisheye": ("lecture/04-field-of-view.md", "lenses-gallery.md"),
     "cameras/lens": ("lenses.md", "lenses-gallery.md"),
     "cameras/light_field": ("lightfields.md", "lecture/12-light-fields.md"),
