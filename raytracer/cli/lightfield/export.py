@@ -1,7 +1,6 @@
 """`rt lightfield export`: light fields for other programs, and for displays."""
 
 import sys
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,14 +10,12 @@ from raytracer.cli.base import options
 from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
-from raytracer.cli.lightfield.base import LAYOUTS, File, Quiet, parse_distance, parse_positive
+from raytracer.cli.lightfield.base import LAYOUTS, File, Quiet, open_any, parse_distance, parse_positive
 from raytracer.schema.units import parse_bytes
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
-
-    from raytracer.lightfield.formats.base.light_field_format import AnyField, Exported
+    from raytracer.lightfield.formats.base.light_field_format import Exported
 
 DEVICES = (
     *("portrait", "go", "16-landscape", "16-portrait", "32-landscape", "32-portrait", "65", "16-gen2", "32-gen2"),
@@ -127,18 +124,9 @@ def export(
     from raytracer.lightfield.formats.exporter import export as export_field
     from raytracer.util.progress import Bar
 
-    with ExitStack() as stack:
-        field = stack.enter_context(_open(file))
-        bar = stack.enter_context(Bar(" steps", quiet=quiet))
+    with open_any(file) as field, Bar(" steps", quiet=quiet) as bar:
         result = export_field(field, output, layout=chosen, update=bar.update, **asked)
     _report(result, output, quiet=quiet)
-
-
-def _open(file: str) -> "AbstractContextManager[AnyField]":
-    """Open a light field, whether its views stand in one plane or have poses of their own."""
-    from raytracer.film.light_field import lf
-
-    return lf.open_posed(file) if lf.is_posed(file) else lf.open(file)
 
 
 def _report(result: "Exported", output: Path, *, quiet: bool) -> None:

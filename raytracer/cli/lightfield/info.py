@@ -8,7 +8,7 @@ from typer import Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import print_json
-from raytracer.cli.lightfield.base import File
+from raytracer.cli.lightfield.base import File, open_any
 
 if TYPE_CHECKING:
     from raytracer.film.light_field.field import LightField
@@ -39,11 +39,11 @@ def info(
     if is_container(file):
         _show_photo(file, check, as_json)
         return
-    is_posed = lf.is_posed(file)
-    with lf.open_posed(file) if is_posed else lf.open(file) as field:
+    with open_any(file) as field:
         if check:
             _read_all(field)
         numbers = {**_common_numbers(field), "file_bytes": Path(file).stat().st_size}
+        is_posed = isinstance(field, lf.OpenPosedField)
         numbers |= _posed_numbers(field.views) if isinstance(field, lf.OpenPosedField) else _numbers(field)
     if as_json:
         print_json(numbers)

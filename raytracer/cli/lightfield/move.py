@@ -134,8 +134,8 @@ def move(
         with options.name_in_errors(file):
             positions = path_places(field.views, path, frames=frames, radius=path_radius)
             depths = depth_map(field, update=bar.update) if is_known else None
-            size = _FRAME_BYTES * frames * field.views.width * field.views.height
-            require_memory(size, f"an animation of {frames} frames", "fewer --frames take less")
+            taken = _FRAME_BYTES * frames * field.views.width * field.views.height
+            require_memory(taken, f"an animation of {frames} frames", "fewer --frames take less")
         pictures = []
         for number, view in enumerate(look_around(field, positions, depth=depths, distance=plane)):
             pictures.append(srgb.to_uint8(view))

@@ -266,4 +266,4 @@ def _make_decoded(
         settings["units"] = "views"
         notes.append(f"distances are in pixels from view to view; metres would need {nominal.missing}")
     rectified = camera if camera is not None and camera.is_distorted else None
-    return Decoded(grid, views, settings, tuple(notes), resampler, picture, scale, weight, rectified)
+    return Decoded(grid, views, settings, tuple(notes), resampler, picture, scale, weight, camera=rectified)
