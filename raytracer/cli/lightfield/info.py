@@ -43,12 +43,16 @@ def info(
         if check:
             _read_all(field)
         numbers = {**_common_numbers(field), "file_bytes": Path(file).stat().st_size}
-        is_posed = isinstance(field, lf.OpenPosedField)
-        numbers |= _posed_numbers(field.views) if isinstance(field, lf.OpenPosedField) else _numbers(field)
+        if isinstance(field, lf.OpenPosedField):
+            numbers |= _posed_numbers(field.views)
+            describe = _posed_lines
+        else:
+            numbers |= _numbers(field)
+            describe = _planar_lines
     if as_json:
         print_json(numbers)
     else:
-        print(_format(numbers, _posed_lines(numbers) if is_posed else _planar_lines(numbers)), end="")
+        print(_format(numbers, describe(numbers)), end="")
         if check:
             print("all of it was read, and is whole")
 
