@@ -106,12 +106,19 @@ def _is_input(path: Path, options: ImportOptions) -> bool:
 
 
 def _names_views(headers: Sequence[Header]) -> bool:
-    return "multiView" in headers[0].attributes or len({_view_of(header) for header in headers} - {None}) > 1
+    return bool(_stated_views(headers[0])) or len({_view_of(header) for header in headers} - {None}) > 1
+
+
+def _stated_views(header: Header) -> list[str]:
+    """List the views that a part says it has as layers; none if it does not."""
+    stated = header.attributes.get("multiView")
+    return [name for name in stated if isinstance(name, str)] if isinstance(stated, list) else []
 
 
 def _view_of(header: Header) -> str | None:
     view = header.attributes.get("view")
-    return None if view is None else str(view)
+    # Of another type, it may not even be text.
+    return view if isinstance(view, str) else None
 
 
 def read_multiview(path: Path, options: ImportOptions) -> LightField:
@@ -140,9 +147,9 @@ def read_multiview(path: Path, options: ImportOptions) -> LightField:
 def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> LightField | None:
     """Map the views of a file that this program wrote, and has not been changed; None for any other."""
     text = headers[0].attributes.get(GEOMETRY)
-    if text is None:
+    if not isinstance(text, str):
         return None
-    views, units, channels, stated_layers = _parse_geometry(path, str(text))
+    views, units, channels, stated_layers = _parse_geometry(path, text)
     first = headers[0]
     if views.rows * views.columns != len(headers):
         raise InputError(f"{path}: is the geometry of {views.rows * views.columns} views, and there are {len(headers)}")
@@ -150,7 +157,7 @@ def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> 
     types = {name: np.dtype(kind) for name, kind in channels.items()}
     if not set(_COLOURS) <= set(types) or any(set(header.names) != set(types) for header in headers):
         raise InputError(f"{path}: has other channels than it says")
-    parts = [Part(str(_view_of(header)), types) for header in headers]
+    parts = [Part(_view_of(header) or "", types) for header in headers]
     blocks = map_parts(path, parts, views.width, views.height)
     if blocks is None:
         # Another program has written it again.
@@ -243,8 +250,7 @@ class _View(NamedTuple):
 def _views_of(parts: Sequence[DecodedPart]) -> list[_View]:
     """List the views of a file from left to right."""
     planes: dict[str, dict[str, NDArray[Any]]] = {}
-    if "multiView" in parts[0].header.attributes:
-        stated = [str(name) for name in parts[0].header.attributes["multiView"]]
+    if stated := _stated_views(parts[0].header):
         for channel, plane in parts[0].planes.items():
             view, name = _split_name(channel, stated)
             planes.setdefault(view, {}).setdefault(name, plane)
