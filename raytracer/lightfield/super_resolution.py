@@ -144,12 +144,12 @@ def _find_places(
     pool: ThreadPoolExecutor,
 ) -> FloatArray:
     """Find the places (2, n) in the depth's own view of a view's samples, `offset` (m) away; reject those hidden."""
-    right, up = (float(away) / views.plane.pixel for away in offset)
+    right, up = (offset / views.plane.pixel).tolist()
+    away = right, up, views.inverse_focus
     places = np.empty((2, len(samples.row)))
 
     def find(begin: int, end: int) -> None:
-        zero = views.inverse_focus
-        find_places(depth.inverse, right, up, zero, samples.row, samples.column, begin, end, places)
+        find_places(depth.inverse, away, samples.row, samples.column, begin, end, places)
         reject_samples(places, samples.value, bounds, begin, end, samples.is_own)
 
     _share(pool, find, len(samples.row))

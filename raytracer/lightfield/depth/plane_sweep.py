@@ -27,7 +27,7 @@ from raytracer.lightfield.depth.estimate import (
     median_spacing,
     view_offsets,
 )
-from raytracer.lightfield.kernels.plane_sweep import add_differences, smooth_costs
+from raytracer.lightfield.kernels.plane_sweep import ShiftedView, Weights, add_differences, smooth_costs
 from raytracer.lightfield.memory import count_that_fit
 from raytracer.lightfield.splines import Spline, seen_part, spline_weights, sqrt_tone
 
@@ -120,23 +120,26 @@ def _add_view(
         moved = (views.inverse_focus - volume.planes[number]) / views.plane.pixel
         shift = float(right * moved), float(-up * moved)
         rows, columns = seen_part(spline.shape, *shift)
-        whole = [math.floor(along) for along in shift]
-        weights = [spline_weights(along - begin) for along, begin in zip(shift, whole, strict=True)]
-        nearest = [math.floor(along + 0.5) for along in shift]
-        add_differences(
+        (right_whole, right_weights), (down_whole, down_weights) = (_whole_and_weights(along) for along in shift)
+        shifted = ShiftedView(
             spline.coefficients,
             mask,
-            middle,
-            (*whole, *weights, *nearest),
-            tolerance,
             is_in,
+            (right_whole, down_whole),
+            (right_weights, down_weights),
+            (math.floor(shift[0] + 0.5), math.floor(shift[1] + 0.5)),
             (rows.start, columns.start, rows.stop, columns.stop),
-            np.empty((2, spline.shape[1] + 3)),
-            volume.cost[number],
-            volume.count[number],
         )
+        scratch = np.empty((2, spline.shape[1] + 3))
+        add_differences(shifted, middle, tolerance, scratch, volume.cost[number], volume.count[number])
 
     list(context.pool.map(add_plane, range(len(volume.planes))))
+
+
+def _whole_and_weights(shift: float) -> tuple[int, Weights]:
+    """Split a shift (px) into whole pixels, and the weights of a spline for the rest."""
+    whole = math.floor(shift)
+    return whole, spline_weights(shift - whole)
 
 
 class _RunningMinimum:
