@@ -53,7 +53,7 @@ def standard_error(estimate: Estimate, refined: Refined, bounds: tuple[float, fl
         # Odds of 1 to ratio^power, without powers of infinity.
         odds = (1.0 / estimate.rival_cost) ** _RIVAL_POWER
         wrong_side = np.maximum(wrong_side, odds / (1.0 + odds) * (estimate.rival - refined.inverse) ** 2)
-    return np.sqrt(variance + wrong_side)
+    return np.asarray(np.sqrt(variance + wrong_side))
 
 
 def confidence_of(error: FloatArray, found: float) -> FloatArray:
