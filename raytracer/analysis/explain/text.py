@@ -112,7 +112,7 @@ _GROUPS = {
                 ("far_m", "to", "m"),
             )
         ),
-        _Quantity("sharp_near_m", "all kinds: sharp to a pixel from", "m"),
+        _Quantity("sharp_near_m", "in all, sharp to a pixel from", "m"),
         _Quantity("sharp_far_m", "to", "m"),
         _Quantity("raw_pixels", "pixels of the sensor"),
     ),
