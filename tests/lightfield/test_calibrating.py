@@ -22,9 +22,9 @@ TURNS = [(25, 10, 3), (-25, 15, -8), (12, -28, 5), (-10, -25, 12), (30, -20, 30)
 DISTANCES = (0.4, 0.5, 0.7, 0.45, 0.9)
 
 
-def _place(turns, distance):
+def place_board(turns, distance):
     turn = Rotation.from_euler("xyz", turns, degrees=True)
-    return (*turn.apply(POINTS - POINTS.mean(axis=0)), 0.0, 0.0, distance)
+    return turn.apply(POINTS - POINTS.mean(axis=0)) + np.array([0.0, 0.0, distance])
 
 
 def _boards(camera, noise=0.0, turns=TURNS):
@@ -32,7 +32,7 @@ def _boards(camera, noise=0.0, turns=TURNS):
     steps = view_steps(camera.rows, camera.columns).reshape(-1, 2)
     boards = []
     for each, distance in zip(turns, DISTANCES, strict=False):
-        seen = camera.project(_place(each, distance), steps)
+        seen = camera.project(place_board(each, distance), steps)
         seen += rng.normal(0.0, noise, seen.shape) if noise else 0.0
         boards.append(BoardView("board", steps, seen.reshape(len(steps), ROWS, COLUMNS, 2)))
     return boards
@@ -47,7 +47,7 @@ def test_intrinsics_of_exact_corners_are_exact():
     assert camera.inverse_focus == pytest.approx(CAMERA.inverse_focus, rel=1e-6)
     assert camera.distortion == pytest.approx(CAMERA.distortion, rel=1e-3)
     assert found.residual < 1e-5
-    true = np.array([_place(*each)[0] for each in zip(TURNS, DISTANCES, strict=True)])
+    true = np.array([place_board(*each)[0] for each in zip(TURNS, DISTANCES, strict=True)])
     assert found.poses[:, 3:] == pytest.approx(true, abs=1e-6)
 
 
@@ -88,7 +88,7 @@ def test_rectified_views_show_points_where_a_pinhole_does():
     assert np.abs(seen - expected)[inside].max() > 0.1
 
 
-def _draw(camera, place, oversampling=4):
+def draw_board(camera, place, oversampling=4):
     """Draw all views of a board, by the ray of each part of a pixel."""
     fine = (np.arange(camera.width * oversampling) + 0.5) / oversampling
     x, y = np.meshgrid(fine, fine[: camera.height * oversampling])
@@ -112,8 +112,8 @@ def _draw(camera, place, oversampling=4):
 
 def test_corners_of_a_drawn_board_are_found_in_all_views():
     camera = CameraModel(**{**CAMERA.__dict__, "distortion": (0.0, 0.0)})
-    place = _place((25, 10, 20), 0.7)
-    radiance = _draw(camera, place)
+    place = place_board((25, 10, 20), 0.7)
+    radiance = draw_board(camera, place)
     plane = Plane(1.0, -80.0, 60.0)
     field = LightField(radiance, Views(view_steps(3, 5), plane, 160, 120))
     found = find_corners(field, ROWS, COLUMNS, "board")

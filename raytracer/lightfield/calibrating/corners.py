@@ -97,4 +97,4 @@ def _expect(known: dict[tuple[int, int], Floats], steps: Floats, view: tuple[int
     slope = float((away * moved).sum()) / total if total > 0.0 else 0.0
     # What one view has lost is expected where the middle one has it.
     aside = known[middle] + slope * (steps[view] - steps[middle])
-    return np.where(np.isfinite(start), start + slope * (steps[view] - steps[nearest]), aside)
+    return np.asarray(np.where(np.isfinite(start), start + slope * (steps[view] - steps[nearest]), aside))

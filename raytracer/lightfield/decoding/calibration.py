@@ -282,11 +282,11 @@ def _robust_fit(design: Floats, places: Floats, trust: Floats) -> tuple[Floats, 
     for _ in range(_FIT_ROUNDS):
         root = np.sqrt(weight)[:, None]
         steps = np.linalg.lstsq(design * root, places * root, rcond=None)[0]
-        away = np.hypot(*(places - design @ steps).T)
+        away = np.asarray(np.hypot(*(places - design @ steps).T), np.float64)
         # The median of a Rayleigh distribution is 1.18 of its errors along each axis.
         scale = max(_weighted_median(away, trust) / 1.1774, _HARMLESS)
         weight = trust / (1.0 + (away / scale) ** 2)
-    return steps, away, scale
+    return np.asarray(steps, np.float64), away, scale
 
 
 def _weighted_median(values: Floats, weight: Floats) -> float:

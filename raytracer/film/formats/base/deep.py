@@ -65,15 +65,16 @@ def read_deep(open_file: Callable[[bytes], Any], file: "PIL.Image.Image", data: 
     upper = _unpacked(file, lambda name: name)
     with open_file(data) as again:
         lower = _unpacked(again, lambda name: name[:-1] + _SWAPPED[name[-1]])
-    values = upper.astype(np.uint16) << 8 | lower
+    values = np.asarray(upper.astype(np.uint16) << 8 | lower, np.uint16)
     key = file.info.get("transparency")
     if isinstance(key, tuple):
         is_opaque = (values != np.array(key, np.uint16)).any(axis=-1, keepdims=True)
-        values = np.concatenate([values, np.where(is_opaque, np.uint16(65535), np.uint16(0))], axis=-1)
+        alpha = np.where(is_opaque, np.uint16(65535), np.uint16(0))
+        values = np.asarray(np.concatenate([values, alpha], axis=-1), np.uint16)
     return values
 
 
-def _unpacked(file: "PIL.Image.Image", rename: Callable[[str], str]) -> NDArray[np.uint8]:
+def _unpacked(file: Any, rename: Callable[[str], str]) -> NDArray[np.uint8]:
     """Decode the bytes that unpackers keep whose names are changed by `rename`."""
     tiles: list[Any] = []
     for tile in file.tile:

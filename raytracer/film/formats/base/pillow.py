@@ -85,9 +85,9 @@ def _read_samples(data: bytes, formats: tuple[str, ...], *, is_opaque: bool = Fa
     """
     with open_with_pillow(data, formats) as file:
         if file.mode == "F":
-            return np.array(file, np.float32)[..., None]
+            return np.asarray(np.array(file, np.float32)[..., None])
         if file.mode.startswith("I"):
-            return np.clip(np.array(file), 0, _LARGEST_UINT16).astype(np.uint16)[..., None]
+            return np.asarray(np.clip(np.array(file), 0, _LARGEST_UINT16).astype(np.uint16)[..., None])
         if is_deep(file, data):
             return read_deep(lambda content: open_with_pillow(content, formats), file, data)
         transparent = "transparency" in file.info or file.mode in ("PA", "LA", "La", "RGBA", "RGBa")
