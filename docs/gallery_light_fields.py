@@ -14,7 +14,9 @@ from raytracer.analysis.probe import probe_sphere
 from raytracer.cli.base.app import main as run_command
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.layout import extract_light_field
+from raytracer.film.light_field.lf import open as open_light_field
 from raytracer.film.light_field.lf import write
+from raytracer.lightfield.capturing.capture import capture
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.lightfield.views.synthesis import view_at
 from raytracer.rendering.render import render
@@ -23,7 +25,12 @@ from raytracer.util.srgb import to_uint8
 
 
 def _rendered(name: str, keys: Mapping[str, Any], spp: int) -> LightField:
-    return extract_light_field(render(load(SCENES / "lightfield" / f"{name}.yaml", dict(keys)), spp=spp).image)
+    """Render all views of a scene, in bands that fit into memory."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "views.lf"
+        capture(load(SCENES / "lightfield" / f"{name}.yaml", dict(keys)), file, spp=spp)
+        with open_light_field(file) as field:
+            return LightField(np.asarray(field.radiance[...]), field.views)
 
 
 def _refocused(field: LightField, distance: float, **settings: Any) -> NDArray[np.uint8]:
@@ -32,15 +39,31 @@ def _refocused(field: LightField, distance: float, **settings: Any) -> NDArray[n
 
 def letters_picture() -> Image.Image:
     """One view of the nine letters, and the same focused on three of them."""
-    field = _rendered("letters", {"camera.rows": 9, "camera.columns": 9, "camera.spacing": "15 mm"}, 8)
+    keys = {"camera.fill": True}
+    field = _rendered("letters", keys, MANY_VIEWS_SPP)
     distances = {"focused on 1 m": 1.0, "on 1.6 m": 1.6, "on 2.5 m": 2.5}
-    pictures = [to_uint8(field.view(4, 4)), *(_refocused(field, distance) for distance in distances.values())]
-    return sheet(pictures, ["one view of 81", *distances], 2)
+    pictures = [_middle_view("letters", keys, field), *(_refocused(field, each) for each in distances.values())]
+    return sheet(pictures, ["one view of 289", *distances], 2)
+
+
+MANY_VIEWS_SPP, VIEW_SPP = 3, 16
+"""Samples of each pixel of 17 x 17 views, of which a picture that is focused has 289 times as many; and of a single
+view that is shown."""
+
+
+def _middle_view(name: str, keys: Mapping[str, Any], field: LightField) -> NDArray[np.uint8]:
+    """Render the view in the middle once more, with the samples that one alone needs."""
+    views = field.views
+    row, column = views.nearest()
+    left, top = column * views.width, row * views.height
+    scene = load(SCENES / "lightfield" / f"{name}.yaml", dict(keys))
+    crop = (left, top, left + views.width, top + views.height)
+    return to_uint8(render(scene, spp=VIEW_SPP, crop=crop).image.radiance)
 
 
 def dragons_picture() -> Image.Image:
     """Two dragons, focused on one, on the other, stopped down, and with a plane of focus that leans."""
-    field = _rendered("dragons", {}, 8)
+    field = _rendered("dragons", DRAGON_VIEWS, MANY_VIEWS_SPP)
     pictures = {
         "focused on 1.5 m": _refocused(field, 1.5),
         "on 2.3 m": _refocused(field, 2.3),
@@ -49,6 +72,10 @@ def dragons_picture() -> Image.Image:
         "a level plane of focus, through both": _refocused(field, 2.02, tilt=79.7),
     }
     return sheet(list(pictures.values()), list(pictures), 2)
+
+
+DRAGON_VIEWS = {"camera.rows": 17, "camera.columns": 17, "camera.spacing": "5.294 mm"}
+"""More views through the same 90 mm, so that the blur shows no single one of them."""
 
 
 def depth_picture() -> Image.Image:

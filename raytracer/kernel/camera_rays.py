@@ -41,16 +41,18 @@ def start_camera_paths(scene, aovs, work, x, y, index, first, count):
     for lane in range(count):
         store_draws(work, first + lane, key, index + lane)
     packet = packet_rays(scene.camera)
-    _trace_lens_packet(packet, scene, work, x, y, first, count)
+    # Once for all samples: which view a pixel is of takes two divisions of integers.
+    corner = film_corner(scene.camera, x, y)
+    _trace_lens_packet(packet, scene, work, x, y, corner, first, count)
     for lane in range(count):
-        _start_sample(packet, scene, aovs, work, first + lane, lane, x, y)
+        _start_sample(packet, scene, aovs, work, first + lane, lane, corner)
 
 
 @kernel
-def _start_sample(packet, scene, aovs, work, sample, lane, x, y):
+def _start_sample(packet, scene, aovs, work, sample, lane, corner):
     """Make the camera ray of a sample, in this lane of its packet, and start its path if the lens lets it through."""
     draws = sample_draws(scene, work, sample, 0)
-    film_x, film_y, weight = _lane_film_position(packet, scene, work, lane, x, y, draws)
+    film_x, film_y, weight = _lane_film_position(packet, scene, work, lane, corner, draws)
     view_x, view_y = film_to_view(scene.camera, film_x, film_y)
     time, rate = sample_time(scene.shutter, view_x, view_y, draws)
     origin, direction, importance = lane_ray(scene.camera, work.lens, lane, film_x, film_y, time, draws)
@@ -93,24 +95,24 @@ def start_path(scene, work, sample, origin, direction, time):
 
 
 @kernel
-def _sample_film_position(scene, x, y, draws):
-    """Sample a film position of pixel (x, y) by the filter; returns it and its weight."""
+def _sample_film_position(scene, corner, draws):
+    """Sample a film position of the pixel at this corner by the filter; returns it and its weight."""
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, FILTER)
     dx, dy, weight = sample_filter(scene.filter, u1, u2)
-    left, top = film_corner(scene.camera, x, y)
+    left, top = corner
     return left + 0.5 + dx, top + 0.5 + dy, weight
 
 
 @optional
-def _trace_lens_packet(packet, scene, work, x, y, first, count):
+def _trace_lens_packet(packet, scene, work, x, y, corner, first, count):
     """Trace the packet's camera rays through the lens together, if the camera does so."""
 
 
 @_trace_lens_packet.register(PacketRays)
-def _trace_lens_packet_packet_rays(packet, scene, work, x, y, first, count):
+def _trace_lens_packet_packet_rays(packet, scene, work, x, y, corner, first, count):
     for lane in range(count):
         draws = sample_draws(scene, work, first + lane, 0)
-        film_x, film_y, weight = _sample_film_position(scene, x, y, draws)
+        film_x, film_y, weight = _sample_film_position(scene, corner, draws)
         work.lens[FILM_POSITION_ROW, lane] = film_x
         work.lens[FILM_POSITION_ROW + 1, lane] = film_y
         work.lens[FILM_POSITION_ROW + 2, lane] = weight
@@ -120,13 +122,13 @@ def _trace_lens_packet_packet_rays(packet, scene, work, x, y, first, count):
 
 
 @optional
-def _lane_film_position(packet, scene, work, lane, x, y, draws):
+def _lane_film_position(packet, scene, work, lane, corner, draws):
     """Sample a film position and its weight, or read those of the packet that the lens has traced."""
-    return _sample_film_position(scene, x, y, draws)
+    return _sample_film_position(scene, corner, draws)
 
 
 @_lane_film_position.register(PacketRays)
-def _lane_film_position_packet_rays(packet, scene, work, lane, x, y, draws):
+def _lane_film_position_packet_rays(packet, scene, work, lane, corner, draws):
     return (
         work.lens[FILM_POSITION_ROW, lane],
         work.lens[FILM_POSITION_ROW + 1, lane],

@@ -31,6 +31,7 @@ from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import lit_view, within_lens
 from raytracer.lightfield.depth.depth_map import Depth, depth_map
 from raytracer.lightfield.kernels.super_resolution import add_samples, find_places, multiply, reject_samples, spread
+from raytracer.lightfield.memory import require_memory
 from raytracer.lightfield.splines import Spline, sqrt_tone
 from raytracer.util.errors import InputError
 from raytracer.util.progress import Update, report_progress
@@ -50,6 +51,9 @@ eight bits resolve."""
 
 _NEIGHBOURS = 5
 """Products of neighbours' weights: with itself, the one to the right, and three below; they are symmetric."""
+
+_EQUATION_BYTES, _SOLVER_BYTES = 250, 72
+"""Bytes a pixel of the picture: of the equations of both halves, and of each thread that solves them."""
 
 _MOST_PIECES = 16
 """Most pieces of a view's samples, and bands of the picture, that threads share."""
@@ -81,18 +85,23 @@ def supersampled(
 
     Raises
     ------
-    InputError : as `depth_map`, or another factor.
+    InputError : as `depth_map`; another factor; or it takes more memory than `memory.memory_limit` gives.
     """
     if not 2 <= factor <= _MOST_FACTOR:
         raise InputError(f"views can have 2 to {_MOST_FACTOR} times as many pixels along a side, got {factor}")
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+    count = threads or os.cpu_count() or 1
+    pixels = factor**2 * field.views.width * field.views.height
+    size = pixels * (_EQUATION_BYTES + _SOLVER_BYTES * min(count, len(_PRIORS)))
+    require_memory(size, f"super-resolution {factor} times as fine", "fewer threads or a smaller scale take less")
+    with ThreadPoolExecutor(count) as pool:
         if depth is None:
             depth = depth_map(field, threads=threads, update=update)
         middle, lit = lit_view(field, depth.row, depth.column)
         halves = _add_views(field, depth, _value_bounds(middle, lit), factor, pool, update)
         start = upsample_cubic(middle, factor)
         prior = _best_prior(halves[0], halves[1], start, pool)
-        both = halves[0].combined(halves[1])
+        both = halves[0]
+        both.absorb(halves.pop())
         picture = both.solve(start, prior, pool)
     if lit is not None:
         # Neither the middle view nor any other has seen the rest.
@@ -135,12 +144,12 @@ def _find_places(
     pool: ThreadPoolExecutor,
 ) -> FloatArray:
     """Find the places (2, n) in the depth's own view of a view's samples, `offset` (m) away; reject those hidden."""
-    right, up = (float(away) / views.plane.pixel for away in offset)
+    right, up = (offset / views.plane.pixel).tolist()
+    away = right, up, views.inverse_focus
     places = np.empty((2, len(samples.row)))
 
     def find(begin: int, end: int) -> None:
-        zero = views.inverse_focus
-        find_places(depth.inverse, right, up, zero, samples.row, samples.column, begin, end, places)
+        find_places(depth.inverse, away, samples.row, samples.column, begin, end, places)
         reject_samples(places, samples.value, bounds, begin, end, samples.is_own)
 
     _share(pool, find, len(samples.row))
@@ -261,12 +270,10 @@ class _NormalEquations:
 
         _share(pool, add, self.sums.shape[1])
 
-    def combined(self, other: "_NormalEquations") -> "_NormalEquations":
-        """Add the equations of both."""
-        both = _NormalEquations(*self._size, self._factor)
-        np.add(self._products, other._products, out=both._products)
-        np.add(self.sums, other.sums, out=both.sums)
-        return both
+    def absorb(self, other: "_NormalEquations") -> None:
+        """Add the equations of other views."""
+        self._products += other._products
+        self.sums += other.sums
 
     @property
     def weight(self) -> float:

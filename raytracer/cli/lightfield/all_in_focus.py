@@ -1,5 +1,6 @@
 """`rt lightfield all-in-focus`: a picture that is sharp everywhere."""
 
+import functools
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
-from raytracer.cli.lightfield.base import Far, File, Near, Quiet, parse_distance, parse_view
+from raytracer.cli.lightfield.base import Far, File, Memory, Near, Quiet, parse_distance, parse_view
 
 EXAMPLE = """\b
 Examples:
@@ -27,6 +28,7 @@ def all_in_focus(
     near: Near = None,
     far: Far = None,
     threads: options.Threads = None,
+    memory: Memory = "2GB",
     quiet: Quiet = False,
 ) -> None:
     """Make a picture that is sharp at all distances from the light of all views.
@@ -43,15 +45,13 @@ def all_in_focus(
     from raytracer.lightfield.super_resolution import supersampled
     from raytracer.util.progress import Bar
 
-    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with base.open_within(file, memory) as field, Bar(" steps", quiet=quiet) as bar:
         with options.name_in_errors(file):
             depths = depth_map(
                 field, row=row, column=column, near=nearest, far=farthest, threads=threads, update=bar.update
             )
-        if scale == 1:
-            picture = fuse(field, depths, update=bar.update)
-        else:
-            picture = supersampled(field, scale, depths, update=bar.update)
+            make = fuse if scale == 1 else functools.partial(supersampled, factor=scale)
+            picture = make(field, depth=depths, threads=threads, update=bar.update)
         for path in output:
             base.save_picture(picture, path, field)
     report_written(*output, quiet=quiet)

@@ -3,14 +3,16 @@
 Functions that check or parse raise an InputError for what is wrong.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
+from raytracer.cli.base import options
 from raytracer.cli.base.options import parse_dimension, takes
-from raytracer.schema.units import Dimension
+from raytracer.schema.units import Dimension, parse_bytes
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,6 +25,13 @@ if TYPE_CHECKING:
 File = Annotated[str, Argument(metavar="FILE", help="Light field: .lf.")]
 Near = Annotated[str | None, takes("LENGTH", "Nothing is nearer: 80cm.  Default: searched for.")]
 Far = Annotated[str | None, takes("LENGTH", "Nothing is farther: 5, inf.  Default: searched for.")]
+Memory = Annotated[
+    str,
+    takes(
+        "SIZE",
+        "Memory that this may take, besides the program: 2GB, 500MB.  What takes more is done in parts, or refused.",
+    ),
+]
 Quiet = Annotated[bool, Option("--quiet", "-q", help="Say nothing.")]
 
 
@@ -69,6 +78,15 @@ def open_light_field(file: str) -> "OpenField":
     from raytracer.film.light_field import lf
 
     return lf.open(file)
+
+
+@contextmanager
+def open_within(file: str, memory: str) -> "Iterator[OpenField]":
+    """Open the light field in a file in a `with` block, in which work takes at most the memory of `--memory`."""
+    from raytracer.lightfield.memory import memory_limit
+
+    with memory_limit(int(options.parse_value("--memory", memory, parse_bytes))), open_light_field(file) as field:
+        yield field
 
 
 def check_outputs(paths: Sequence[Path], suffixes: Collection[str], noun: str) -> None:

@@ -12,7 +12,7 @@ from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, report_written
 from raytracer.cli.lightfield import base
-from raytracer.cli.lightfield.base import Far, File, Near, Quiet, parse_distance
+from raytracer.cli.lightfield.base import Far, File, Memory, Near, Quiet, parse_distance
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -63,6 +63,7 @@ def depth(
     far: Far = None,
     threads: options.Threads = None,
     as_json: options.AsJson = False,
+    memory: Memory = "2GB",
     quiet: Quiet = False,
 ) -> None:
     """Find how far away everything is that a view sees, in metres along the axis, and how sure that is.
@@ -85,7 +86,7 @@ def depth(
 
     if method not in METHODS:
         raise InputError(f"--method {method}: must be one of {', '.join(METHODS)}")
-    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with base.open_within(file, memory) as field, Bar(" steps", quiet=quiet) as bar:
         with options.name_in_errors(file):
             exact = _true_distances(field) if truth else None
             depths = depth_map(

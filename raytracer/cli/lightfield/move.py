@@ -9,7 +9,7 @@ from raytracer.cli.base import options
 from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
-from raytracer.cli.lightfield.base import File, Quiet, check_outputs, open_light_field, parse_distance
+from raytracer.cli.lightfield.base import File, Memory, Quiet, check_outputs, open_within, parse_distance
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -19,6 +19,9 @@ Examples:
   rt lightfield move array.lf --path eight --frames 48 --fps 24 -o eight.gif
   rt lightfield move array.lf --distance 3 -o around.gif     what is 3 m away stands still between views
 """
+
+_FRAME_BYTES = 6
+"""Bytes a pixel of a frame, until all are encoded."""
 
 
 def move(
@@ -40,6 +43,7 @@ def move(
         bool, Option("--depth/--no-depth", help="Take each point from where its depth puts it, or blend views.")
     ] = True,
     distance: Annotated[str | None, takes("LENGTH", "The plane that is sharp between views, with --no-depth.")] = None,
+    memory: Memory = "2GB",
     quiet: Quiet = False,
 ) -> None:
     """Move a pinhole about in the plane of the views, and look: parallax as an animation.
@@ -54,6 +58,7 @@ def move(
 
     from raytracer.film.animation import check, encode
     from raytracer.lightfield.depth.depth_map import depth_map
+    from raytracer.lightfield.memory import require_memory
     from raytracer.lightfield.views.camera_paths import PATHS, look_around, path_places
     from raytracer.util import srgb
     from raytracer.util.atomic_write import write_bytes
@@ -64,10 +69,12 @@ def move(
     if path not in PATHS:
         raise InputError(f"--path {path}: must be one of {', '.join(PATHS)}")
     is_known = depth and plane is None
-    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with open_within(file, memory) as field, Bar(" steps", quiet=quiet) as bar:
         with options.name_in_errors(file):
             positions = path_places(field.views, path, frames=frames, radius=path_radius)
             depths = depth_map(field, update=bar.update) if is_known else None
+            size = _FRAME_BYTES * frames * field.views.width * field.views.height
+            require_memory(size, f"an animation of {frames} frames", "fewer --frames take less")
         pictures = []
         for number, view in enumerate(look_around(field, positions, depth=depths, distance=plane)):
             pictures.append(srgb.to_uint8(view))

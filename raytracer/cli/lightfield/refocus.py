@@ -3,7 +3,7 @@
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from typer import Option
 
@@ -12,11 +12,13 @@ from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, report_written
 from raytracer.cli.lightfield import base
-from raytracer.cli.lightfield.base import File, Quiet
+from raytracer.cli.lightfield.base import File, Memory, Quiet
 from raytracer.rendering.options import parse_crop
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
     from raytracer.film.image import Image
     from raytracer.film.light_field.field import LightField
 
@@ -36,6 +38,9 @@ picture each, numbered.
 """
 
 _MOST_PLANES = 10_000
+
+_FRAME_BYTES = 6
+"""Bytes a pixel of an animation's frame, until all are encoded."""
 
 
 def refocus(
@@ -81,6 +86,7 @@ def refocus(
     crop: options.Crop = None,
     fps: Annotated[float, Option(help="Pictures a second of an animation.", min=0.1, max=50.0)] = 8.0,
     as_json: options.AsJson = False,
+    memory: Memory = "2GB",
     quiet: Quiet = False,
 ) -> None:
     """Focus a light field: the photograph that a lens would have taken, focused at a distance in metres."""
@@ -109,25 +115,25 @@ def refocus(
         "crop": None if crop is None else options.parse_value("--crop", crop, parse_crop),
     }
 
-    from raytracer.lightfield.refocusing.refocus import focal_stack
+    from raytracer.lightfield.refocusing.refocus import iterate_focal_stack
     from raytracer.lightfield.refocusing.refocus import refocus as refocus_field
     from raytracer.util.progress import Bar
 
-    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with base.open_within(file, memory) as field, Bar(" steps", quiet=quiet) as bar:
         arguments["update"] = bar.update
         with options.name_in_errors(file):
             if planes > 1:
-                images = focal_stack(field, distances, slopes=slopes, **arguments)
+                images = iterate_focal_stack(field, distances, slopes=slopes, **arguments)
             else:
                 plane = (*distances, None)[0], (*slopes, None)[0]
-                images = [refocus_field(field, plane[0], alpha=alpha, slope=plane[1], **arguments)]
-        note = _note_out_of_range(field, images) or _note_black_pixels(images)
-    files = [written for path in output for written in _write(images, path, fps)]
+                images = iter([refocus_field(field, plane[0], alpha=alpha, slope=plane[1], **arguments)])
+            files, taken = _write(images, planes, output, fps)
+        note = _note_out_of_range(field, taken) or _note_black_pixels(taken)
     report_written(*files, quiet=quiet)
     if note and not quiet:
         print(f"note: {note}", file=sys.stderr)
     if as_json:
-        print_json(_to_json(field, images, files))
+        print_json(_to_json(field, taken, files))
 
 
 # ---- Options
@@ -182,28 +188,49 @@ def _center(text: str | None) -> tuple[float, float]:
 # ---- Results
 
 
-def _write(images: "list[Image]", path: Path, fps: float) -> list[Path]:
-    """Write a picture, or a focal stack; returns the files."""
+class _Taken(NamedTuple):
+    """What is kept of a picture that is written.
+
+    settings : that it was made with.
+    pixels : number of its pixels.
+    """
+
+    settings: "Mapping[str, str | float | int]"
+    pixels: int
+
+
+def _write(images: "Iterator[Image]", count: int, output: list[Path], fps: float) -> tuple[list[Path], list[_Taken]]:
+    """Write each picture as it comes, to numbered files if there are several; animations at the end.
+
+    Returns the files, and what is to be known of the pictures.
+    """
     from raytracer.film.formats.registry import animation_suffixes
+    from raytracer.lightfield.memory import require_memory
     from raytracer.util.atomic_write import write_bytes
 
-    if path.suffix.lower() in animation_suffixes(with_images=False):
+    animations = [path for path in output if path.suffix.lower() in animation_suffixes(with_images=False)]
+    files: dict[Path, list[Path]] = {path: [] for path in output}
+    frames, taken = [], []
+    for number, image in enumerate(images, 1):
+        taken.append(_Taken(image.settings, image.radiance[..., 0].size))
+        if animations:
+            size = _FRAME_BYTES * count * taken[0].pixels
+            require_memory(size, f"an animation of {count} planes", "numbered pictures take less")
+            frames.append(image.display())
+        for path in output:
+            if path not in animations:
+                name = path.name if count <= 1 else f"{path.stem}_{number:0{len(str(count))}}{path.suffix}"
+                files[path].append(path.with_name(name))
+                image.save(files[path][-1])
+    for path in animations:
         from raytracer.film.animation import encode
 
-        frames = [image.display() for image in images]
         write_bytes(path, encode(frames, path.suffix.lower().removeprefix("."), fps=fps, boomerang=True))
-        return [path]
-    if len(images) == 1:
-        images[0].save(path)
-        return [path]
-    digits = len(str(len(images)))
-    files = [path.with_name(f"{path.stem}_{number:0{digits}}{path.suffix}") for number in range(1, len(images) + 1)]
-    for image, file in zip(images, files, strict=True):
-        image.save(file)
-    return files
+        files[path].append(path)
+    return [file for path in output for file in files[path]], taken
 
 
-def _note_out_of_range(field: "LightField", images: "list[Image]") -> str | None:
+def _note_out_of_range(field: "LightField", images: list[_Taken]) -> str | None:
     """Return a note if a plane of focus is beyond those for which the views are close enough together."""
     from raytracer.film.light_field.focusing import refocusable
 
@@ -221,14 +248,11 @@ def _note_out_of_range(field: "LightField", images: "list[Image]") -> str | None
     )
 
 
-def _note_black_pixels(images: "list[Image]") -> str | None:
+def _note_black_pixels(images: list[_Taken]) -> str | None:
     """Return a note if rays leave pixels black."""
     from raytracer.lightfield.refocusing.refocus import EMPTY_PIXELS_KEY
 
-    share = max(
-        float(image.settings.get(EMPTY_PIXELS_KEY, 0)) / (image.radiance.shape[0] * image.radiance.shape[1])
-        for image in images
-    )
+    share = max(float(image.settings.get(EMPTY_PIXELS_KEY, 0)) / image.pixels for image in images)
     if share == 0.0:
         return None
     from raytracer.report.wording import format_percent
@@ -237,7 +261,7 @@ def _note_black_pixels(images: "list[Image]") -> str | None:
     return f"{black}: more spp, a wider aperture, or a smaller scale"
 
 
-def _to_json(field: "LightField", images: "list[Image]", files: list[Path]) -> dict[str, Any]:
+def _to_json(field: "LightField", images: list[_Taken], files: list[Path]) -> dict[str, Any]:
     """Return the data for `--json`: distances in metres, or slopes in pixels per view if metres are not known."""
     from raytracer.film.light_field.focusing import refocusable, view_spacing
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
-from raytracer.cli.lightfield.base import File, Quiet, check_outputs, open_light_field
+from raytracer.cli.lightfield.base import File, Memory, Quiet, check_outputs, open_within
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -30,6 +30,7 @@ def view(
     exposure: Annotated[
         str | None, takes("EV", "Exposure with which it is first shown: +2.  Default: 0, unless it is dark.")
     ] = None,
+    memory: Memory = "2GB",
     quiet: Quiet = False,
 ) -> None:
     """Write one page of HTML in which a light field is focused and looked around in.
@@ -45,7 +46,7 @@ def view(
     from raytracer.lightfield.viewer.page import write_page
     from raytracer.util.progress import Bar
 
-    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with open_within(file, memory) as field, Bar(" steps", quiet=quiet) as bar:
         notes = write_page(path, field, title=Path(file).stem, size=max_bytes, exposure=ev, update=bar.update)
     if not quiet:
         print(*notes, f"wrote {path}", sep="\n", file=sys.stderr)

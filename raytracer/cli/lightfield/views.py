@@ -10,7 +10,7 @@ from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
-from raytracer.cli.lightfield.base import File, Quiet, parse_distance, parse_position, parse_view
+from raytracer.cli.lightfield.base import File, Memory, Quiet, parse_distance, parse_position, parse_view
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def views(
     width: Annotated[
         int | None, Option(min=1, max=65500, help="Of the montage in pixels, at most.  Default: 4096.")
     ] = None,
+    memory: Memory = "2GB",
     quiet: Quiet = False,
 ) -> None:
     """Extract views of a light field: one, one between others, all, or all on one picture (default).
@@ -83,7 +84,7 @@ def views(
     from raytracer.lightfield.views.synthesis import view_at
     from raytracer.util.progress import Bar
 
-    with base.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with base.open_within(file, memory) as field, Bar(" steps", quiet=quiet) as bar:
         geometry = field.views
         if every:
             _save_all(field, output, ending, bar.update, quiet)

@@ -86,7 +86,8 @@ class Entry:
         kinds = tuple(argument.kind for argument in packed)
         if getattr(last, "kinds", None) != kinds:
             last.code, last.kinds = self._code(kinds, arguments), kinds
-        last.packed = packed
+        # Arrays of their own are let go with the call.
+        last.packed = [argument if isinstance(argument.value, tuple) else _NOTHING for argument in packed]
         return last.code(b"".join([argument.data for argument in packed]))
 
     def _code(self, kinds: Hashable, arguments: Sequence[Any]) -> LoadedCode:

@@ -28,6 +28,8 @@ FORMATS = {
 }
 """Formats of `struct` for a number of a type in eight bytes."""
 
+_INTEGER_FORMAT = struct.Struct("=q")
+
 
 class PackedArgument(NamedTuple):
     """An argument as compiled code takes it.
@@ -51,6 +53,9 @@ def pack_argument(value: Any) -> PackedArgument:
     ------
     TypeError : kernels take no such thing.
     """
+    if type(value) is int and value <= _MAX_INT64:
+        # Most arguments that change from call to call.
+        return PackedArgument(value, _INTEGER, _INTEGER_FORMAT.pack(value))
     formats: list[str] = []
     values: list[Any] = []
     kind = _add(value, formats, values)
@@ -141,6 +146,8 @@ class Result(NamedTuple):
 
     def read(self, buffer: Any, offset: int) -> Any:
         """Read the result at a place of a buffer, in bytes."""
+        if self.shape == _INTEGER:
+            return _INTEGER_FORMAT.unpack_from(buffer, offset)[0]
         return _shaped(self.shape, iter(struct.unpack_from(f"={self.format}", buffer, offset)))
 
 

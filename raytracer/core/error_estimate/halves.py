@@ -131,9 +131,9 @@ class ErrorEstimator:
             # A power of two, so that only float32 itself rounds, for light of any strength.
             self._units[tile] = math.ldexp(1.0, min(math.frexp(top)[1], 1022)) if math.isfinite(top) else 1.0
         place = (int(n).bit_length() - 1) % self._means.shape[1]
+        kept = self._means[tile, place, :, : mean.shape[0], : mean.shape[1]]
         with np.errstate(over="ignore"):
-            scaled = mean / (self._units[tile] or 1.0)
-            self._means[tile, place, :, : mean.shape[0], : mean.shape[1]] = np.moveaxis(scaled, -1, 0)
+            np.divide(mean.transpose(2, 0, 1), self._units[tile] or 1.0, out=kept)
         self._last[tile] = n
 
     def estimate(self, counts: ArrayLike) -> ErrorEstimate | None:

@@ -119,8 +119,8 @@ def depth_map(
 ) -> Depth:
     """Estimate the depth of what one view sees.
 
-    Views are read one at a time.  Memory is 256 MB for planes, and for slopes six grey pictures a view of a row:
-    0.7 GB in all for 17 x 17 views of 512 x 384.
+    Views are read one at a time, and as many planes are compared at once as fit into the memory that
+    `raytracer.lightfield.memory.memory_limit` sets.
 
     Parameters
     ----------
@@ -132,7 +132,8 @@ def depth_map(
 
     Raises
     ------
-    InputError : there are too few views, no such view, no such method, or `near` is not nearer than `far`.
+    InputError : there are too few views, no such view, no such method, `near` is not nearer than `far`, or it
+        takes more memory than is given.
     """
     if method not in METHODS:
         raise InputError(f"no method {method}; there are {', '.join(METHODS)}")
@@ -144,8 +145,9 @@ def depth_map(
         raise InputError("depth needs at least two views, and the light field has one")
 
     counter = ProgressCounter(update)
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        context = DepthContext(field, middle, pool, counter)
+    count = threads or os.cpu_count() or 1
+    with ThreadPoolExecutor(count) as pool:
+        context = DepthContext(field, middle, pool, count, counter)
         bounds = search_bounds(context, others, near, far)
         compared = _select_views(field.views, middle)
         estimates: list[Estimate] = []

@@ -38,12 +38,14 @@ class DepthContext(NamedTuple):
     field : the light field.
     reference : the view whose depth is estimated.
     pool : threads that share the work.
+    threads : number of these.
     counter : of the progress.
     """
 
     field: LightField
     reference: ViewIndex
     pool: ThreadPoolExecutor
+    threads: int
     counter: ProgressCounter
 
 

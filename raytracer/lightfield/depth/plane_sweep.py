@@ -13,6 +13,7 @@ References: Kang, Szeliski, Chai 2001, "Handling Occlusions in Dense Multi-view 
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +27,18 @@ from raytracer.lightfield.depth.estimate import (
     median_spacing,
     view_offsets,
 )
-from raytracer.lightfield.kernels.plane_sweep import add_differences, smooth_costs
+from raytracer.lightfield.kernels.plane_sweep import ShiftedView, Weights, add_differences, smooth_costs
+from raytracer.lightfield.memory import count_that_fit
 from raytracer.lightfield.splines import Spline, seen_part, spline_weights, sqrt_tone
-
-_BUDGET = 256 * 2**20
-"""Bytes for the cost volume of the planes that are worked on at once."""
 
 _HALVES = 4
 """Halves of the aperture: left, right, lower and upper; the middle row and column are in both of theirs."""
+
+_PLANE_BYTES, _FIXED_BYTES = 10 * _HALVES + 8, 320
+"""Bytes a pixel of a plane: costs, counts and what is made of them; and of a view and all that is kept of planes."""
+
+_THREAD_BYTES = 40
+"""Bytes a pixel of a thread's own pictures."""
 
 _INLIER = 0.5
 """Squared differences as large as this share of the reference view's own variance count half.  Larger ones come from
@@ -51,26 +56,33 @@ def sweep_planes(context: DepthContext, others: Sequence[ViewIndex], planes: NDA
     guided = GuidedFilter(middle.mean(axis=0))
     tolerance = max(_INLIER * float(middle.var(axis=(1, 2)).mean()), np.finfo(np.float64).tiny)
 
-    block = max(1, min(len(planes), _BUDGET // (_HALVES * height * width * 10)))
+    pixels = height * width
+    fixed = pixels * (_FIXED_BYTES + _THREAD_BYTES * context.threads)
+    most = count_that_fit(
+        fixed, pixels * _PLANE_BYTES, f"depth of {width} x {height} pixels", "fewer threads take less"
+    )
+    block = min(len(planes), most)
     context.counter.add_total(len(others) * math.ceil(len(planes) / block))
     best = _RunningMinimum((height, width))
+    # Cleared for each block, which is sooner done than to ask for memory anew.
+    whole = _CostVolume(
+        planes[:block],
+        np.empty((block, _HALVES, height, width)),
+        np.empty((block, _HALVES, height, width), dtype=np.uint16),
+    )
     for first in range(0, len(planes), block):
-        volume = _CostVolume(planes[first : first + block], height, width)
+        volume = whole.emptied(planes[first : first + block])
         for other in others:
             _add_view(context, middle, other, volume, tolerance)
             context.counter.step()
-
-        def smoothed_cost(number: int, volume: _CostVolume = volume) -> FloatArray:
-            return guided.least(volume.cost[number], volume.count[number])
-
-        for values in context.pool.map(smoothed_cost, range(len(volume.planes))):
+        for values in context.pool.map(guided.least, volume.cost, volume.count):
             best.add(values)
     number, confidence = best.result()
     rival, ratio = best.rival()
     return Estimate(planes[0] + number * (planes[1] - planes[0]), confidence, planes[rival], ratio)
 
 
-class _CostVolume:
+class _CostVolume(NamedTuple):
     """Differences of views from the reference view, by plane and half of the aperture.
 
     planes : 1 / distance of the planes (1/m).
@@ -78,10 +90,16 @@ class _CostVolume:
     count : number of the views in these sums, of the same shape.
     """
 
-    def __init__(self, planes: NDArray[np.float64], height: int, width: int) -> None:
-        self.planes = planes
-        self.cost = np.zeros((len(planes), _HALVES, height, width))
-        self.count = np.zeros((len(planes), _HALVES, height, width), dtype=np.uint16)
+    planes: NDArray[np.float64]
+    cost: FloatArray
+    count: NDArray[np.uint16]  # type: ignore[assignment]  # takes the place of tuple.count
+
+    def emptied(self, planes: NDArray[np.float64]) -> "_CostVolume":
+        """Return a volume of no more planes, in the same memory, to which nothing was added."""
+        volume = _CostVolume(planes, self.cost[: len(planes)], self.count[: len(planes)])
+        volume.cost[...] = 0.0
+        volume.count[...] = 0
+        return volume
 
 
 def _add_view(
@@ -102,23 +120,26 @@ def _add_view(
         moved = (views.inverse_focus - volume.planes[number]) / views.plane.pixel
         shift = float(right * moved), float(-up * moved)
         rows, columns = seen_part(spline.shape, *shift)
-        whole = [math.floor(along) for along in shift]
-        weights = [spline_weights(along - begin) for along, begin in zip(shift, whole, strict=True)]
-        nearest = [math.floor(along + 0.5) for along in shift]
-        add_differences(
+        (right_whole, right_weights), (down_whole, down_weights) = (_whole_and_weights(along) for along in shift)
+        shifted = ShiftedView(
             spline.coefficients,
             mask,
-            middle,
-            (*whole, *weights, *nearest),
-            tolerance,
             is_in,
+            (right_whole, down_whole),
+            (right_weights, down_weights),
+            (math.floor(shift[0] + 0.5), math.floor(shift[1] + 0.5)),
             (rows.start, columns.start, rows.stop, columns.stop),
-            np.empty((2, spline.shape[1] + 3)),
-            volume.cost[number],
-            volume.count[number],
         )
+        scratch = np.empty((2, spline.shape[1] + 3))
+        add_differences(shifted, middle, tolerance, scratch, volume.cost[number], volume.count[number])
 
     list(context.pool.map(add_plane, range(len(volume.planes))))
+
+
+def _whole_and_weights(shift: float) -> tuple[int, Weights]:
+    """Split a shift (px) into whole pixels, and the weights of a spline for the rest."""
+    whole = math.floor(shift)
+    return whole, spline_weights(shift - whole)
 
 
 class _RunningMinimum:

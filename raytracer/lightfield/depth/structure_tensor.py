@@ -19,6 +19,7 @@ from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import lit_view, within_lens
 from raytracer.lightfield.depth.estimate import DepthContext, Estimate, FloatArray, ViewIndex, view_offsets
+from raytracer.lightfield.memory import require_memory
 from raytracer.lightfield.splines import Spline, sqrt_tone
 from raytracer.util.errors import InputError
 
@@ -43,6 +44,9 @@ _SLOPE_ERROR = 0.2
 """Error of a slope (pixels a view), by what the line leaves unexplained, that gives a confidence of a half."""
 
 _FEWEST_IN_LINE = 3
+
+_SLOPE_BYTES = 64
+"""Bytes a pixel of each view in a line: its spline, and seven pictures while it is sheared."""
 
 
 class _Slopes(NamedTuple):
@@ -104,6 +108,10 @@ def _slopes_along_line(context: DepthContext, line: list[ViewIndex], bounds: tup
     line = [index for index, is_kept in zip(line, keep, strict=True) if is_kept]
     offsets, places = offsets[keep], places[keep]
     spacing = float(places[-1] - places[0]) / (len(places) - 1)
+
+    pixels = views.width * views.height
+    size = _SLOPE_BYTES * pixels * len(line)
+    require_memory(size, f"slopes in {len(line)} views", "the method focus can do with less")
 
     # Shears, around each of which slopes are small.
     scale = views.plane.pixel / spacing

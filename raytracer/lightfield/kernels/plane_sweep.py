@@ -3,25 +3,51 @@
 Each call is for one plane, so that threads share the planes, and reads and writes every number once.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from raytracer.core.compiler.dispatch import entry, kernel
 
+Weights = tuple[float, float, float, float]
 
-@entry
-def add_differences(coefficients, lit, middle, shift, tolerance, halves, part, scratch, cost, count):
-    """Add the robust differences of a shifted view from the reference view to the sums of a plane.
+
+class ShiftedView(NamedTuple):
+    """A view that is shifted over the reference view, as `Spline.shifted` does.
 
     coefficients : of the view's spline, float64 (3, height, width).
     lit : uint8 (height, width), 1 for pixels of the view that got light.
-    middle : the reference view, float64 (3, height, width).
-    shift : whole pixels right and down, the splines' weights for the rest of each, and whole pixels right and down
-        to the nearest pixel.
     halves : (halves,), 1 for the halves of the aperture that the view is in.
+    whole : whole pixels right and down.
+    weights : of the splines for the rest of each.
+    nearest : whole pixels right and down to the nearest pixel.
     part : first row and column that is seen, and those after the last.
+    """
+
+    coefficients: NDArray[np.float64]
+    lit: NDArray[np.uint8]
+    halves: NDArray[np.uint8]
+    whole: tuple[int, int]
+    weights: tuple[Weights, Weights]
+    nearest: tuple[int, int]
+    part: tuple[int, int, int, int]
+
+
+@entry
+def add_differences(view, middle, tolerance, scratch, cost, count):
+    """Add the robust differences of a shifted view from the reference view to the sums of a plane.
+
+    view : a ShiftedView.
+    middle : the reference view, float64 (3, height, width).
     scratch : float64 (2, width + 3).
     cost, count : float64 and uint16 (halves, height, width), the sums.
     """
-    right, down, across, along, near_right, near_down = shift
-    top, left, bottom, end = part
+    coefficients, lit, halves = view.coefficients, view.lit, view.halves
+    right, down = view.whole
+    across, along = view.weights
+    near_right, near_down = view.nearest
+    top, left, bottom, end = view.part
     height, width = coefficients.shape[1:]
     row, total = scratch[0], scratch[1]
     for y in range(top, bottom):

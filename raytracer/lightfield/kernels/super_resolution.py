@@ -14,15 +14,16 @@ STEPS = 4
 
 
 @entry
-def find_places(inverse, right, up, zero, rows, columns, begin, end, places):
+def find_places(inverse, away, rows, columns, begin, end, places):
     """Find the places in the depth's own view of samples of another view, by fixed-point iteration.
 
     inverse : 1 / distance, float64 (height, width), linear between pixels.
-    right, up : pixels by which the other view is away, for each unit of 1 / distance.
-    zero : 1 / distance of what all views see at the same pixel.
+    away : pixels right and up by which the other view is away, for each unit of 1 / distance; and the 1 / distance of
+        what all views see at the same pixel.
     rows, columns : places in the other view, float64 (n,), of which begin ... end - 1 are searched for.
     places : float64 (2, n), rows and columns that are found.
     """
+    right, up, zero = away
     for sample in range(begin, end):
         row, column = rows[sample], columns[sample]
         for _ in range(STEPS):

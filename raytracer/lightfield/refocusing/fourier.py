@@ -20,6 +20,7 @@ from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.focusing import refocusable
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import lit_view
+from raytracer.lightfield.memory import require_memory
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.util.errors import InputError
 
@@ -60,7 +61,8 @@ class FourierRefocuser:
 
     Raises
     ------
-    InputError : the views are not on a grid along their rows and columns.
+    InputError : the views are not on a grid along their rows and columns, or their spectrum takes more memory than
+        `lightfield.memory.memory_limit` gives.
     """
 
     def __init__(
@@ -81,6 +83,11 @@ class FourierRefocuser:
         height, width = (size + 2 * pad for size, pad in zip((views.height, views.width), self._pad, strict=True))
         self._size = (fft.next_fast_len(height, real=True), fft.next_fast_len(width, real=True))
         self._axes = (_Axis(views.rows), _Axis(views.columns))
+
+        frequencies = self._size[0] * (self._size[1] // 2 + 1)
+        grids = views.rows * views.columns + self._axes[0].size * self._axes[1].size
+        size = 3 * frequencies * grids * np.dtype(np.complex64).itemsize
+        require_memory(size, "the spectrum of the views", "the method shift takes less")
 
         # Transform each view, then all of them along the grid.
         parts = self._size[1] // 2 + 1

@@ -9,16 +9,18 @@ Photography with a Hand-held Plenoptic Camera", sec. 3; Ng 2005, "Fourier Slice 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple, TypeAlias, TypedDict, Unpack, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.image import Image
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import LightField, Rays
 from raytracer.film.light_field.focusing import FocusPlane, alpha_to_inverse_distance, slope_to_inverse_distance
+from raytracer.film.light_field.views import Views
 from raytracer.film.window import Window, crop_window
+from raytracer.lightfield.memory import count_that_fit
 from raytracer.lightfield.refocusing.ray_integration import integrate_rays
 from raytracer.lightfield.refocusing.shift_and_sum import INTERPOLATIONS, Interpolation, shift_and_sum, warp_and_sum
 from raytracer.lightfield.synthetic_aperture import RefocusAperture, cell_weights, make_aperture
@@ -107,7 +109,7 @@ def refocus(
     InputError : the light field, or the method, cannot do what the options ask for.
     """
     settings = _Settings(**options)
-    return _refocus_planes(field, [_inverse_distance(field, distance, alpha, slope)], settings)[0]
+    return next(_refocus_planes(field, [_inverse_distance(field, distance, alpha, slope)], settings))
 
 
 def focal_stack(
@@ -122,6 +124,24 @@ def focal_stack(
     Raises
     ------
     InputError : as `refocus`; or neither distances nor slopes are given, or both.
+    """
+    return list(iterate_focal_stack(field, distances, slopes=slopes, **options))
+
+
+def iterate_focal_stack(
+    field: LightField,
+    distances: Sequence[float] = (),
+    *,
+    slopes: Sequence[float] = (),
+    **options: Unpack[RefocusOptions],
+) -> Iterator[Image]:
+    """Focus as `focal_stack`, one picture after the other: as many are made at once as fit into memory.
+
+    It is `lightfield.memory.memory_limit` that gives the memory.
+
+    Raises
+    ------
+    InputError : as `focal_stack`.
     """
     if (len(distances) == 0) == (len(slopes) == 0):
         raise InputError("a focal stack needs distances, or slopes")
@@ -164,7 +184,7 @@ def _focus_plane(inverse: float, tilt: float, swing: float) -> FocusPlane:
     return FocusPlane(inverse, -inverse * math.tan(math.radians(swing)), -inverse * math.tan(math.radians(tilt)))
 
 
-def _refocus_planes(field: LightField, inverses: list[float], settings: _Settings) -> list[Image]:
+def _refocus_planes(field: LightField, inverses: list[float], settings: _Settings) -> Iterator[Image]:
     """Focus at one over each of `inverses` (1/m), by the method of the settings."""
     planes = [_focus_plane(inverse, settings.tilt, settings.swing) for inverse in inverses]
     aperture = make_aperture(
@@ -178,50 +198,69 @@ def _refocus_planes(field: LightField, inverses: list[float], settings: _Setting
     if settings.scale != 1.0 and method != "rays":
         raise InputError("only method rays has a scale: views have pixels of their own")
     window = crop_window((field.views.width, field.views.height), settings.crop, "a view")
-    notes: list[dict[str, int]] = [{} for _ in planes]
+    pictures: Iterator[tuple[FloatArray, dict[str, int]]]
     if method == "rays":
         if field.rays is None:
             raise InputError("there are no rays in this light field: render it with --aov rays, or refocus by shift")
-        integrated = [
-            integrate_rays(field.rays, field.views, plane, aperture, window, settings.scale)
-            for plane in report_progress(planes, settings.update)
-        ]
-        pictures = [picture for picture, _ in integrated]
-        notes = [{EMPTY_PIXELS_KEY: int((count == 0.0).sum())} for _, count in integrated]
+        pictures = _integrate_planes(field.rays, field.views, planes, aperture, window, settings)
     elif field.views.rows * field.views.columns == 1:
         raise InputError(
             "there is but one view, which has its focus for good" + (": refocus by rays" if field.rays else "")
         )
     else:
-        pictures = _sum_views(field, planes, aperture, window, settings)
-    return [
-        Image(radiance=picture, settings={**field.settings, **_image_settings(plane, aperture, method), **note})
-        for picture, plane, note in zip(pictures, planes, notes, strict=True)
-    ]
+        pictures = ((picture, {}) for picture in _sum_views(field, planes, aperture, window, settings))
+    for (picture, note), plane in zip(pictures, planes, strict=True):
+        yield Image(radiance=picture, settings={**field.settings, **_image_settings(plane, aperture, method), **note})
+
+
+def _integrate_planes(
+    rays: Rays, views: Views, planes: list[FocusPlane], aperture: RefocusAperture, window: Window, settings: _Settings
+) -> Iterator[tuple[FloatArray, dict[str, int]]]:
+    """Integrate the rays into the picture of each plane, and count the pixels that none came to."""
+    for plane in report_progress(planes, settings.update):
+        picture, count = integrate_rays(rays, views, plane, aperture, window, settings.scale)
+        yield picture, {EMPTY_PIXELS_KEY: int((count == 0.0).sum())}
+
+
+_PLANE_BYTES, _VIEW_BYTES = 64, 320
+"""Bytes a pixel of a picture that is summed up, and of what else there is meanwhile: a view, a row of them, a shift."""
 
 
 def _sum_views(
     field: LightField, planes: list[FocusPlane], aperture: RefocusAperture, window: Window, settings: _Settings
-) -> list[FloatArray]:
+) -> Iterator[FloatArray]:
     """Sum the views into the picture of each plane, shifted, warped, or as slices of their spectrum."""
     weights = cell_weights(field.views, *aperture)
     is_tilted = any(plane.right != 0.0 or plane.up != 0.0 for plane in planes)
+    inverses = [plane.middle for plane in planes]
     if settings.method == "fourier":
         if is_tilted:
             raise InputError("a tilted plane is no slice of the spectrum: refocus by shift")
         from raytracer.lightfield.refocusing.fourier import FourierRefocuser
 
-        inverses = [plane.middle for plane in planes]
         refocuser = FourierRefocuser(field, inverses, weights)
         rows, columns = slice(window.top, window.bottom), slice(window.left, window.right)
-        return [refocuser.picture(inverse)[rows, columns] for inverse in report_progress(inverses, settings.update)]
+        for inverse in report_progress(inverses, settings.update):
+            yield refocuser.picture(inverse)[rows, columns]
+        return
+    width, height = window.right - window.left, window.bottom - window.top
+    # Tilted planes are made one by one, of whole views.
+    fixed = _VIEW_BYTES * (field.views.width * field.views.height if is_tilted else width * height)
+    size = f"refocusing {width} x {height} pixels"
+    most = count_that_fit(fixed, _PLANE_BYTES * width * height, size, "a smaller --crop takes less")
     if is_tilted:
-        return [
-            warp_and_sum(field, plane, weights, settings.interpolation, window)
-            for plane in report_progress(planes, settings.update)
-        ]
-    inverses = [plane.middle for plane in planes]
-    return shift_and_sum(field, inverses, weights, settings.interpolation, window, settings.update)
+        for plane in report_progress(planes, settings.update):
+            yield warp_and_sum(field, plane, weights, settings.interpolation, window)
+        return
+    starts = range(0, len(inverses), most)
+    for number, first in enumerate(starts):
+
+        def update(done: float, total: float, number: int = number) -> None:
+            if settings.update is not None:
+                settings.update(number * total + done, len(starts) * total)
+
+        part = inverses[first : first + most]
+        yield from shift_and_sum(field, part, weights, settings.interpolation, window, update)
 
 
 def _image_settings(plane: FocusPlane, aperture: RefocusAperture, method: Method) -> dict[str, str | float | int]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import LightField
 from raytracer.lightfield.coverage import lit_view
 from raytracer.lightfield.depth.depth_map import depth_map
+from raytracer.lightfield.memory import require_memory
 from raytracer.lightfield.ray_binning import rays_to_views
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.lightfield.viewer.size_budget import (
@@ -42,6 +43,9 @@ MIN_BYTES = 1_000_000
 # Bytes of all but the views: scripts, styles, the depth map, the still picture.
 _BYTES_BESIDES_VIEWS = 500_000
 _STILL_SIZE = 480
+
+# Bytes a pixel of all views while they are encoded, and when they are, without losses; and copies of the page's text.
+_PIXEL_BYTES, _CODED_BYTES, _PAGE_COPIES = 8, 6, 3
 
 
 class Page(NamedTuple):
@@ -88,6 +92,8 @@ def page(
         notes.append(note)
     views = field.views
     plan = plan_views(field)
+    needed = _PIXEL_BYTES * plan.pixels + _PAGE_COPIES * min(size, _BYTES_BESIDES_VIEWS + _CODED_BYTES * plan.pixels)
+    require_memory(needed, f"a page of {megabytes(size)}", "a smaller one, by --size, may take less")
     code, exposure = choose_encoding(planned_views(field, plan), len(plan.places), exposure)
     plan, pictures, quality = fit_to_size(field, plan, code, size - _BYTES_BESIDES_VIEWS)
     notes += _notes(field, plan, quality, size)

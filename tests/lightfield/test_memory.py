@@ -1,0 +1,105 @@
+"""Memory that work on light fields takes, measured by Python's own account of it, against what is given."""
+
+import tracemalloc
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from raytracer.cli.base.app import main
+from raytracer.film.light_field.lf import write
+from raytracer.lightfield.depth.depth_map import depth_map
+from raytracer.lightfield.memory import memory_limit
+from raytracer.lightfield.refocusing.refocus import focal_stack, iterate_focal_stack
+from raytracer.lightfield.super_resolution import supersampled
+from raytracer.lightfield.views.contact_sheet import montage
+from raytracer.util.errors import InputError
+from tests.lightfield.analytic import Surface, light_field, views, waves
+
+DISTANCES = np.linspace(1.5, 4.0, 24).tolist()
+
+
+@pytest.fixture(scope="module")
+def field():
+    """One plane that leans away, seen by 5 x 5 views of 96 x 80 pixels."""
+    geometry = views(5, 5, spacing=0.03, width=96, height=80)
+    return light_field(geometry, [Surface(2.2, waves(1, 0.05), tilt=(0.6, 0.5))], supersampling=1)
+
+
+def peak_of(work: Callable[[], object], limit: int = 2 * 10**9) -> int:
+    """Measure the most bytes that `work` has at once, with a limit."""
+    # What is imported, compiled and cached stays.
+    with memory_limit(limit):
+        work()
+        tracemalloc.start()
+        try:
+            work()
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+
+def test_a_focal_stack_is_made_in_parts_that_fit(field):
+    limit = 4_000_000
+
+    def sums() -> list[float]:
+        return [float(image.radiance.sum()) for image in iterate_focal_stack(field, DISTANCES)]
+
+    assert peak_of(sums, limit) <= limit < peak_of(sums)
+    whole = focal_stack(field, DISTANCES)
+    with memory_limit(limit):
+        for image, other in zip(iterate_focal_stack(field, DISTANCES), whole, strict=True):
+            assert np.array_equal(image.radiance, other.radiance)
+
+
+def test_depth_compares_as_many_planes_as_fit(field):
+    limit = 6_000_000
+
+    def depth():
+        return depth_map(field, near=1.2, far=5.0, threads=2)
+
+    assert peak_of(depth, limit) <= limit < peak_of(depth)
+    with memory_limit(limit):
+        assert np.array_equal(depth().inverse, depth_map(field, near=1.2, far=5.0, threads=1).inverse)
+
+
+def test_what_cannot_be_done_in_parts_keeps_to_its_own_estimate(field):
+    found = depth_map(field, method="slopes", near=1.2, far=5.0, threads=2)
+    needed = {"super-resolution 2": lambda: supersampled(field, 2, found, threads=2), "montage": lambda: montage(field)}
+    for what, work in needed.items():
+        with memory_limit(10_000), pytest.raises(InputError, match=f"memory: .*{what}.* takes .* GB, and 1e-05 GB"):
+            work()
+        estimate = next(size for size in range(500_000, 40_000_000, 500_000) if fits(work, size))
+        assert peak_of(work, estimate) <= estimate
+
+
+def fits(work: Callable[[], object], size: int) -> bool:
+    """Tell if work is not refused."""
+    try:
+        with memory_limit(size):
+            work()
+    except InputError:
+        return False
+    return True
+
+
+def test_commands_keep_to_the_memory_that_they_are_given(field, tmp_path, capsys):
+    file = tmp_path / "field.lf"
+    write(file, field)
+
+    def refocused(planes: int, memory: str) -> int:
+        arguments = ["--distance", f"1.5:4:{planes}", "-o", str(tmp_path / "plane.npy"), "--memory", memory]
+        return main(["lightfield", "refocus", str(file), *arguments, "--quiet"])
+
+    few, many = (peak_of(lambda planes=planes: refocused(planes, "4MB")) for planes in (6, 24))
+    assert many <= 1.1 * few
+    assert len(list(tmp_path.glob("plane_*.npy"))) == 6 + 24
+    for command in ("refocus", "depth", "all-in-focus", "move", "views", "view"):
+        output = tmp_path / {"move": "a.gif", "view": "a.html"}.get(command, "a.png")
+        assert main(["lightfield", command, str(file), "-o", str(output), "--memory", "100kB", "--quiet"]) == 2
+        said = capsys.readouterr().err
+        assert "memory" in said
+        assert "0.0001 GB are given" in said
+        assert not output.exists()
+    assert main(["lightfield", "depth", str(file), "--memory", "much"]) == 2
+    assert "--memory much: must be an amount of memory such as 2GB" in capsys.readouterr().err
