@@ -32,7 +32,7 @@ _SMOOTH = 5e-3
 
 @dataclass(frozen=True)
 class Measures:
-    """How far a depth map is from the truth.
+    """Errors of a depth map against the truth.
 
     Attributes
     ----------
