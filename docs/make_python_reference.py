@@ -168,7 +168,7 @@ def section(name: str, thing: Any) -> Iterator[str]:
         yield f"```python\n{signature(name, thing)}\n```\n"
     yield markdown(thing.__doc__) + "\n"
     for method in METHODS.get(name.rpartition(".")[2], ()):
-        found = vars(thing)[method]
+        found = inspect.getattr_static(thing, method)
         yield f"### {name}.{method}\n"
         yield f"```python\n{signature(f'.{method}', found)}\n```\n"
         yield markdown(found.__doc__) + "\n"
