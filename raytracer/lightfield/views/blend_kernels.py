@@ -89,12 +89,14 @@ def _cubic(t, i):
 
 
 @entry
-def add_view(source, depth, slopes, radiance, target, surface, view, weights, total):
+def add_view(source, radiance, target, surface, view, weights, total):
     """Add what a view sees of each pixel's point to a picture.
 
+    source : a `view_surfaces.Surface`.
     weights : float64 (height, width, k, 2), weight and number of the views of each pixel.
     total : float64 (height, width, 4), the sum of weighted radiance, and of weights.
     """
+    camera = source.camera
     tall, wide, count = weights.shape[:3]
     for y in range(tall):
         for x in range(wide):
@@ -106,18 +108,27 @@ def add_view(source, depth, slopes, radiance, target, surface, view, weights, to
                 continue
             inverse = surface[y, x, 0]
             px, py, pz = from_view(target, x + 0.5, y + 0.5, inverse)
-            right, up, ahead = to_view(source, px, py, pz, inverse)
-            place_x, place_y = place(source, right, up, ahead)
+            right, up, ahead = to_view(camera, px, py, pz, inverse)
+            place_x, place_y = place(camera, right, up, ahead)
             off = surface[y, x, 1] / (inverse * ahead) if inverse > 0.0 else 0.0
-            _sample(depth, slopes, radiance, source[PIXEL], place_x, place_y, inverse / ahead, off, weight, total, x, y)
+            red, green, blue, share = _sample(source, radiance, place_x, place_y, inverse / ahead, off)
+            if share > 0.0:
+                total[y, x, 0] += weight * red / share
+                total[y, x, 1] += weight * green / share
+                total[y, x, 2] += weight * blue / share
+                total[y, x, 3] += weight
 
 
 @kernel
-def _sample(depth, slopes, radiance, pixel, place_x, place_y, inverse, off, weight, total, x, y):
-    """Sample a view by those of its pixels that see the point: cubic where all around do, else linear."""
+def _sample(source, radiance, x, y, inverse, off):
+    """Sample a view at a place by those of its pixels that see a point: cubic where all around do, else linear.
+
+    Return red, green and blue, each times the last number.
+    """
+    depth, slopes, pixel = source.depth, source.slopes, source.camera[PIXEL]
     height, width = depth.shape
-    left, top = math.floor(place_x - 0.5), math.floor(place_y - 0.5)
-    tx, ty = place_x - 0.5 - left, place_y - 0.5 - top
+    left, top = math.floor(x - 0.5), math.floor(y - 0.5)
+    tx, ty = x - 0.5 - left, y - 0.5 - top
     is_whole = left >= 1 and top >= 1 and left + 2 < width and top + 2 < height
     if is_whole:
         for j in range(-1, 3):
@@ -139,8 +150,4 @@ def _sample(depth, slopes, radiance, pixel, place_x, place_y, inverse, off, weig
             green += part * radiance[at_y, at_x, 1]
             blue += part * radiance[at_y, at_x, 2]
             share += part
-    if share > 0.0:
-        total[y, x, 0] += weight * red / share
-        total[y, x, 1] += weight * green / share
-        total[y, x, 2] += weight * blue / share
-        total[y, x, 3] += weight
+    return red, green, blue, share
