@@ -25,6 +25,8 @@ from raytracer.plugins.apertures.polygon import PolygonAperture as _PolygonApert
 from raytracer.plugins.apertures.round import Round as _Round
 from raytracer.plugins.cameras.base.microlenses import Microlenses as _Microlenses
 from raytracer.plugins.cameras.camera_array import CameraArray as _CameraArray
+from raytracer.plugins.cameras.camera_box import CameraBox as _CameraBox
+from raytracer.plugins.cameras.camera_sphere import CameraSphere as _CameraSphere
 from raytracer.plugins.cameras.equirectangular import Equirectangular as _Equirectangular
 from raytracer.plugins.cameras.fisheye import Fisheye as _Fisheye
 from raytracer.plugins.cameras.lens import RealLens as _RealLens
@@ -198,6 +200,208 @@ class _Cameras:
         convergence_distance : distance of the plane that is at the same place in all views (m), inf for views that are
             not shifted; default: that of the plane of focus [metres, or with a unit]
         fill : gives each camera an opening as wide and high as `spacing`, so that together they are one lens
+        defocus_angle : apex angle (deg) of the cone from a point in focus to the lens [degrees, or with a unit]
+        aperture : diameter of the lens (mm) [millimetres, or with a unit]
+        vignetting : a rim in front of the lens, {diameter: mm, distance: mm}, that cuts what comes in from the side;
+            without effect where the lens has no opening
+        pupil : how a wide lens exposes the film: `aplanatic`, as a corrected lens that loses no light; `flat`, as an
+            even disc of light in its place
+        focus_distance : distance of the plane of focus along the axis, from the lens, of one of glass from its entrance
+            pupil (m), inf allowed; default: |look_at - look_from| [metres, or with a unit]
+        focus_on : name of the object whose middle is in focus, in place of `focus_distance`; for the surface that is
+            seen of it, see `focus_at`
+        focus_at : place in the frame at which what is seen is in focus: fractions of its width and height, from the top
+            left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid
+        aperture_shape : shape of the opening, of the same area as the round one: a type, or a mapping; round by default
+        vfov : vertical field of view (deg), between 0 and 180; 90 where nothing says how much is seen [degrees, or with
+            a unit]
+        hfov : horizontal field of view (deg), in place of `vfov` [degrees, or with a unit]
+        dfov : diagonal field of view (deg), in place of `vfov` [degrees, or with a unit]
+        focal_length : focal length (mm) [millimetres, or with a unit]
+        equivalent_focal_length : focal length (mm) that has the same diagonal field of view on 36 x 24 mm, in place of
+            `focal_length` [millimetres, or with a unit]
+        f_number : focal length over the diameter of the entrance pupil; inf for a pinhole
+        sensor : a name (medium_format, full_frame, aps_h, aps_c, four_thirds, 1-inch, 1/1.63-inch, 1/2.3-inch,
+            1/3.2-inch), or {width: 36 mm, height: 24 mm}; full_frame where only a focal length is given, or there is no
+            lens
+        sensor_fit : how a picture of another shape than the sensor's lies on it: `crop`, the default, the largest part
+            of the sensor; `horizontal`, its whole width; `vertical`, its whole height; `overscan`, all of it
+        iso : speed of the sensor: asks for photographic exposure, by aperture, shutter and speed, after which 1 is what
+            saturates the sensor
+        look_from : position of the camera (m) [metres, or with a unit]
+        look_at : point in the centre of the picture (m) [metres, or with a unit]
+        up : direction that is up in the picture
+        medium : name of the medium that the camera stands in; the scene's `medium` by default
+        shutter : when light is gathered: {open: 0, close: 1} in seconds of scene time, or for how long from `time` on,
+            such as 1/125 s, or {duration: 1/125 s, opening, ramp, readout, direction, curtain}; without it the picture
+            is of one moment [seconds, or with a unit]
+        time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
+        motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
+        exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
+            and `iso`, pixels are plain radiance
+        exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
+        """
+    @staticmethod
+    def camera_box(
+        *,
+        rows: int,
+        columns: int,
+        size: _Numbers | float | str,
+        faces: Sequence[Literal["front", "right", "back", "left", "top", "bottom"]] = ...,
+        facing: Literal["inward", "outward"] = ...,
+        defocus_angle: float | str | None = ...,
+        aperture: float | str | None = ...,
+        vignetting: _Vignetting | _Keys | None = ...,
+        pupil: Literal["aplanatic", "flat"] = ...,
+        focus_distance: float | str | None = ...,
+        focus_on: str | None = ...,
+        focus_at: _Numbers | None = ...,
+        aperture_shape: Literal["image", "polygon", "round"] | _ImageAperture | _Keys | _PolygonAperture | _Round | None = ...,
+        vfov: float | str | None = ...,
+        hfov: float | str | None = ...,
+        dfov: float | str | None = ...,
+        focal_length: float | str | None = ...,
+        equivalent_focal_length: float | str | None = ...,
+        f_number: float | str | None = ...,
+        sensor: Literal["medium_format", "full_frame", "aps_h", "aps_c", "four_thirds", "1-inch", "1/1.63-inch", "1/2.3-inch", "1/3.2-inch"] | _SensorSpec | _Keys | None = ...,
+        sensor_fit: Literal["crop", "horizontal", "vertical", "overscan"] | None = ...,
+        iso: float | str | None = ...,
+        look_from: _Numbers = ...,
+        look_at: _Numbers = ...,
+        up: _Numbers = ...,
+        medium: str | None = ...,
+        shutter: _ShutterSpec | _Keys | float | str | None = ...,
+        time: float | str | None = ...,
+        motion: _Motion | _Keys | None = ...,
+        shake: _Shake | _Keys | None = ...,
+        exposure: _AutoExposure | _Keys | None = ...,
+        exposure_compensation: float | str | None = ...,
+    ) -> _CameraBox:
+        """Rows and columns of equal cameras on each face of a box, that look at right angles to it, inward or outward.
+
+        The box lies about `look_at`, or about `look_from` where the cameras look outward; its front is the face at the side
+        of `look_from`, or towards `look_at`.  The cameras of a face stand in the middles of equal parts of it and look in
+        parallel.  Films of cameras that look inward are shifted so that all cameras of a face see the plane through the
+        middle of the box alike, as those of a `camera_array`.  The picture of all holds the faces below each other, and the
+        views of each side by side, each of the film's width x height.
+
+        References: Gortler et al. 1996, "The Lumigraph", sec. 2.1 (a cube round the object); Levoy and Hanrahan 1996,
+        "Light Field Rendering", sec. 2 (arrangements of light slabs).
+
+        Parameters
+        ----------
+        rows : rows of cameras on a face
+        columns : cameras in a row of a face
+        size : width, height and depth of the box (m), as seen from `look_from`, or one length for all [metres, or with
+            a unit]
+        faces : those that have cameras, in the order of the picture; default: all
+        facing : `inward`: the cameras stand round `look_at` and look there; `outward`: round `look_from`, looking away
+            from it
+        defocus_angle : apex angle (deg) of the cone from a point in focus to the lens [degrees, or with a unit]
+        aperture : diameter of the lens (mm) [millimetres, or with a unit]
+        vignetting : a rim in front of the lens, {diameter: mm, distance: mm}, that cuts what comes in from the side;
+            without effect where the lens has no opening
+        pupil : how a wide lens exposes the film: `aplanatic`, as a corrected lens that loses no light; `flat`, as an
+            even disc of light in its place
+        focus_distance : distance of the plane of focus along the axis, from the lens, of one of glass from its entrance
+            pupil (m), inf allowed; default: |look_at - look_from| [metres, or with a unit]
+        focus_on : name of the object whose middle is in focus, in place of `focus_distance`; for the surface that is
+            seen of it, see `focus_at`
+        focus_at : place in the frame at which what is seen is in focus: fractions of its width and height, from the top
+            left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid
+        aperture_shape : shape of the opening, of the same area as the round one: a type, or a mapping; round by default
+        vfov : vertical field of view (deg), between 0 and 180; 90 where nothing says how much is seen [degrees, or with
+            a unit]
+        hfov : horizontal field of view (deg), in place of `vfov` [degrees, or with a unit]
+        dfov : diagonal field of view (deg), in place of `vfov` [degrees, or with a unit]
+        focal_length : focal length (mm) [millimetres, or with a unit]
+        equivalent_focal_length : focal length (mm) that has the same diagonal field of view on 36 x 24 mm, in place of
+            `focal_length` [millimetres, or with a unit]
+        f_number : focal length over the diameter of the entrance pupil; inf for a pinhole
+        sensor : a name (medium_format, full_frame, aps_h, aps_c, four_thirds, 1-inch, 1/1.63-inch, 1/2.3-inch,
+            1/3.2-inch), or {width: 36 mm, height: 24 mm}; full_frame where only a focal length is given, or there is no
+            lens
+        sensor_fit : how a picture of another shape than the sensor's lies on it: `crop`, the default, the largest part
+            of the sensor; `horizontal`, its whole width; `vertical`, its whole height; `overscan`, all of it
+        iso : speed of the sensor: asks for photographic exposure, by aperture, shutter and speed, after which 1 is what
+            saturates the sensor
+        look_from : position of the camera (m) [metres, or with a unit]
+        look_at : point in the centre of the picture (m) [metres, or with a unit]
+        up : direction that is up in the picture
+        medium : name of the medium that the camera stands in; the scene's `medium` by default
+        shutter : when light is gathered: {open: 0, close: 1} in seconds of scene time, or for how long from `time` on,
+            such as 1/125 s, or {duration: 1/125 s, opening, ramp, readout, direction, curtain}; without it the picture
+            is of one moment [seconds, or with a unit]
+        time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
+        motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
+        exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
+            and `iso`, pixels are plain radiance
+        exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
+        """
+    @staticmethod
+    def camera_sphere(
+        *,
+        rows: int,
+        columns: int,
+        radius: float | str | None = ...,
+        elevation: _Numbers | float | str = ...,
+        azimuth: _Numbers | float | str = ...,
+        facing: Literal["inward", "outward"] = ...,
+        defocus_angle: float | str | None = ...,
+        aperture: float | str | None = ...,
+        vignetting: _Vignetting | _Keys | None = ...,
+        pupil: Literal["aplanatic", "flat"] = ...,
+        focus_distance: float | str | None = ...,
+        focus_on: str | None = ...,
+        focus_at: _Numbers | None = ...,
+        aperture_shape: Literal["image", "polygon", "round"] | _ImageAperture | _Keys | _PolygonAperture | _Round | None = ...,
+        vfov: float | str | None = ...,
+        hfov: float | str | None = ...,
+        dfov: float | str | None = ...,
+        focal_length: float | str | None = ...,
+        equivalent_focal_length: float | str | None = ...,
+        f_number: float | str | None = ...,
+        sensor: Literal["medium_format", "full_frame", "aps_h", "aps_c", "four_thirds", "1-inch", "1/1.63-inch", "1/2.3-inch", "1/3.2-inch"] | _SensorSpec | _Keys | None = ...,
+        sensor_fit: Literal["crop", "horizontal", "vertical", "overscan"] | None = ...,
+        iso: float | str | None = ...,
+        look_from: _Numbers = ...,
+        look_at: _Numbers = ...,
+        up: _Numbers = ...,
+        medium: str | None = ...,
+        shutter: _ShutterSpec | _Keys | float | str | None = ...,
+        time: float | str | None = ...,
+        motion: _Motion | _Keys | None = ...,
+        shake: _Shake | _Keys | None = ...,
+        exposure: _AutoExposure | _Keys | None = ...,
+        exposure_compensation: float | str | None = ...,
+    ) -> _CameraSphere:
+        """Rows and columns of equal cameras on a sphere, or on a part of one, that look at its middle or away from it.
+
+        Rows are circles of latitude, columns meridians: middles of equal parts of the ranges `elevation` and `azimuth`, the
+        highest row at the top.  Both angles are 0 in the direction in which `look_from` lies from `look_at`, for cameras
+        that look outward in that in which `look_at` lies from `look_from`; `up` is the axis.  Each camera has the picture
+        upright.  The picture of all holds the views side by side, each of the film's width x height.
+
+        A light field in space without obstacles has four dimensions: what the cameras on a surface round an object see is
+        all that can be seen of it from outside of that surface.
+
+        References: Gortler et al. 1996, "The Lumigraph", sec. 2; Levoy and Hanrahan 1996, "Light Field Rendering", sec. 2;
+        Camahort, Lerios and Fussell 1998, "Uniformly Sampled Light Fields".
+
+        Parameters
+        ----------
+        rows : rows of cameras, each at one elevation
+        columns : cameras in a row, each at one azimuth
+        radius : of the sphere (m); default for cameras that look inward: |look_at - look_from| [metres, or with a unit]
+        elevation : range (deg) above the equator that the rows divide, or one angle for a row [degrees, or with a unit]
+        azimuth : range (deg) to the right that the columns divide: cameras with more stand further to the right as seen
+            from where they look from [degrees, or with a unit]
+        facing : `inward`: the cameras stand round `look_at` and look there; `outward`: round `look_from`, looking away
+            from it
         defocus_angle : apex angle (deg) of the cone from a point in focus to the lens [degrees, or with a unit]
         aperture : diameter of the lens (mm) [millimetres, or with a unit]
         vignetting : a rim in front of the lens, {diameter: mm, distance: mm}, that cuts what comes in from the side;

@@ -1,4 +1,4 @@
-"""Kernels of pictures from any pose: surfaces drawn from the depth of views, and the views that each point is seen by.
+"""Kernels of pictures from any pose: surfaces drawn from the depth of views.
 
 Depth is one over the distance along an axis throughout, 0 for what is infinitely far, NaN where nothing is known; so a
 point of a view's ray is `ahead + inverse * origin`, with a last coordinate of `inverse`, which may be 0.
@@ -27,17 +27,13 @@ BEND = 2.0
 """Factor by which a surface may get steeper from one pixel to the next."""
 
 
-AT_EDGE = 0.5 * math.pi
-"""Penalty (rad) of a point at an edge in a view, whose pixels there are means of what is before and behind it."""
-
-
 @kernel
 def _axis(camera, first, x, y, z):
     return camera[first] * x + camera[first + 1] * y + camera[first + 2] * z
 
 
 @kernel
-def _to_view(camera, x, y, z, inverse):
+def to_view(camera, x, y, z, inverse):
     """Transform a point to a view: right, up and ahead, to be divided by each other, and `inverse` as it was."""
     x -= inverse * camera[ORIGIN]
     y -= inverse * camera[ORIGIN + 1]
@@ -46,7 +42,7 @@ def _to_view(camera, x, y, z, inverse):
 
 
 @kernel
-def _from_view(camera, x, y, inverse):
+def from_view(camera, x, y, inverse):
     """Make the point that a view sees at a place of its picture (px), at one over a distance."""
     right, up = camera[LEFT] + camera[PIXEL] * x, camera[TOP] - camera[PIXEL] * y
     return (
@@ -57,7 +53,7 @@ def _from_view(camera, x, y, inverse):
 
 
 @kernel
-def _place(camera, right, up, ahead):
+def place(camera, right, up, ahead):
     """Return the place (px) in a view's picture of a point in front of it."""
     return (right / ahead - camera[LEFT]) / camera[PIXEL], (camera[TOP] - up / ahead) / camera[PIXEL]
 
@@ -150,12 +146,12 @@ def draw_surface(source, depth, slopes, target, surface, quad):
             for i in range(4):
                 dx, dy = 2 * (i & 1) - 1, 2 * (i >> 1) - 1
                 inverse = _corner(depth, slopes, source[PIXEL], x, y, dx, dy)
-                px, py, pz = _from_view(source, x + 0.5 + 0.5 * dx, y + 0.5 + 0.5 * dy, inverse)
-                right, up, ahead = _to_view(target, px, py, pz, inverse)
+                px, py, pz = from_view(source, x + 0.5 + 0.5 * dx, y + 0.5 + 0.5 * dy, inverse)
+                right, up, ahead = to_view(target, px, py, pz, inverse)
                 if ahead <= 0.0:
                     is_ahead = False
                     break
-                place_x, place_y = _place(target, right, up, ahead)
+                place_x, place_y = place(target, right, up, ahead)
                 quad[i, 0], quad[i, 1], quad[i, 2] = place_x, place_y, inverse / ahead
                 low_x, high_x = min(low_x, place_x), max(high_x, place_x)
                 low_y, high_y = min(low_y, place_y), max(high_y, place_y)
@@ -163,16 +159,16 @@ def draw_surface(source, depth, slopes, target, surface, quad):
                 continue
             # What the depth may be off by: its change over a pixel, and a pixel's own width; as a part of that from the
             # camera, which is farther by `ahead`.
-            px, py, pz = _from_view(source, x + 0.5, y + 0.5, depth[y, x])
-            _, _, ahead = _to_view(target, px, py, pz, depth[y, x])
+            px, py, pz = from_view(source, x + 0.5, y + 0.5, depth[y, x])
+            _, _, ahead = to_view(target, px, py, pz, depth[y, x])
             off = (source[PIXEL] + (slopes[y, x, 2] / depth[y, x] if depth[y, x] > 0.0 else 0.0)) / ahead
-            angle = _angle(source, target, px, py, pz, depth[y, x])
+            angle = ray_angle(source, target, px, py, pz, depth[y, x])
             _fill(quad, 0, 1, 2, off, angle, surface)
             _fill(quad, 1, 3, 2, off, angle, surface)
 
 
 @kernel
-def _angle(source, target, x, y, z, inverse):
+def ray_angle(source, target, x, y, z, inverse):
     """Return the angle (rad) at a point between the rays to two cameras."""
     ax, ay, az = x - inverse * source[0], y - inverse * source[1], z - inverse * source[2]
     bx, by, bz = x - inverse * target[0], y - inverse * target[1], z - inverse * target[2]
@@ -214,32 +210,6 @@ def _fill(quad, a, b, c, off, angle, surface):
                 surface[y, x, 2] = angle
 
 
-@kernel
-def _share_seen(depth, slopes, pixel, x, y, inverse, off):
-    """Return by which share a view sees a point at a place: of the four pixels around it, bilinearly.
-
-    Also return the share of those that see nothing else.
-    """
-    height, width = depth.shape
-    left, top = math.floor(x - 0.5), math.floor(y - 0.5)
-    tx, ty = x - 0.5 - left, y - 0.5 - top
-    share, clean = 0.0, 0.0
-    for j in range(2):
-        for i in range(2):
-            weight = (tx if i == 1 else 1.0 - tx) * (ty if j == 1 else 1.0 - ty)
-            px, py = min(max(int(left) + i, 0), width - 1), min(max(int(top) + j, 0), height - 1)
-            if sees(depth[py, px], slopes[py, px, 2], pixel, inverse, off):
-                share += weight
-                clean += weight * slopes[py, px, 3]
-    return share, clean
-
-
-@kernel
-def sees(depth, slope, pixel, inverse, off):
-    """Tell if a pixel sees a point at one over a distance: what they differ by is within what both may be off by."""
-    return abs(inverse - depth) <= off * inverse + (0.0 if math.isnan(slope) else slope) + pixel * depth
-
-
 @entry
 def median_angle(source, depth, target, tall, wide, columns, rows, angles):
     """Return the median angle (rad) between the rays of a view and of a camera to points that both have in sight.
@@ -255,13 +225,13 @@ def median_angle(source, depth, target, tall, wide, columns, rows, angles):
             inverse = depth[y, x]
             if not inverse >= 0.0:
                 continue
-            px, py, pz = _from_view(source, x + 0.5, y + 0.5, inverse)
-            right, up, ahead = _to_view(target, px, py, pz, inverse)
+            px, py, pz = from_view(source, x + 0.5, y + 0.5, inverse)
+            right, up, ahead = to_view(target, px, py, pz, inverse)
             if ahead <= 0.0:
                 continue
-            place_x, place_y = _place(target, right, up, ahead)
+            place_x, place_y = place(target, right, up, ahead)
             if 0.0 <= place_x <= wide and 0.0 <= place_y <= tall:
-                angle, at = _angle(source, target, px, py, pz, inverse), count
+                angle, at = ray_angle(source, target, px, py, pz, inverse), count
                 while at > 0 and angles[at - 1] > angle:
                     angles[at] = angles[at - 1]
                     at -= 1
@@ -283,11 +253,11 @@ def find_false(source, depth, slopes, target, surface, false):
             inverse = surface[y, x, 0]
             if not inverse > 0.0 or false[y, x]:
                 continue
-            px, py, pz = _from_view(target, x + 0.5, y + 0.5, inverse)
-            right, up, ahead = _to_view(source, px, py, pz, inverse)
+            px, py, pz = from_view(target, x + 0.5, y + 0.5, inverse)
+            right, up, ahead = to_view(source, px, py, pz, inverse)
             if ahead <= 0.0:
                 continue
-            place_x, place_y = _place(source, right, up, ahead)
+            place_x, place_y = place(source, right, up, ahead)
             if not (0.0 <= place_x < width and 0.0 <= place_y < height):
                 continue
             at_x, at_y = int(place_x), int(place_y)
@@ -297,110 +267,3 @@ def find_false(source, depth, slopes, target, surface, false):
             known, slope = depth[at_y, at_x], slopes[at_y, at_x, 2]
             if inverse / ahead - known > surface[y, x, 1] / ahead + slope + source[PIXEL] * known:
                 false[y, x] = True
-
-
-@entry
-def rank_view(source, depth, slopes, target, surface, view, best):
-    """Enter a view among those that each pixel of a picture is best seen by.
-
-    best : float64 (height, width, k, 2), the penalty and the number of the k best views, the best first; inf for none.
-
-    The penalty is the angle between the rays plus what the view lacks in resolution, as by Buehler et al., sec. 4.
-    """
-    height, width = depth.shape
-    tall, wide, count = best.shape[:3]
-    for y in range(tall):
-        for x in range(wide):
-            inverse = surface[y, x, 0]
-            if math.isnan(inverse):
-                continue
-            px, py, pz = _from_view(target, x + 0.5, y + 0.5, inverse)
-            right, up, ahead = _to_view(source, px, py, pz, inverse)
-            if ahead <= 0.0:
-                continue
-            place_x, place_y = _place(source, right, up, ahead)
-            if not (0.5 <= place_x <= width - 0.5 and 0.5 <= place_y <= height - 0.5):
-                continue
-            penalty = _angle(source, target, px, py, pz, inverse)
-            # Pixels of the view against those of the picture, on the surface.
-            coarse = ahead * source[PIXEL] / target[PIXEL] - 1.0
-            penalty += max(coarse, 0.0)
-            if penalty >= best[y, x, count - 1, 0]:
-                continue
-            off = surface[y, x, 1] / (inverse * ahead) if inverse > 0.0 else 0.0
-            share, clean = _share_seen(depth, slopes, source[PIXEL], place_x, place_y, inverse / ahead, off)
-            penalty += AT_EDGE * (1.0 - clean)
-            if share < 0.5 or penalty >= best[y, x, count - 1, 0]:
-                continue
-            at = count - 1
-            while at > 0 and best[y, x, at - 1, 0] > penalty:
-                best[y, x, at, 0], best[y, x, at, 1] = best[y, x, at - 1, 0], best[y, x, at - 1, 1]
-                at -= 1
-            best[y, x, at, 0], best[y, x, at, 1] = penalty, view
-
-
-@kernel
-def _cubic(t, i):
-    """Return the weight of neighbour i, -1 to 2, of a place t after neighbour 0 (Keys 1981)."""
-    a = abs(t - i)
-    if a < 1.0:
-        return (1.5 * a - 2.5) * a * a + 1.0
-    return ((-0.5 * a + 2.5) * a - 4.0) * a + 2.0 if a < 2.0 else 0.0
-
-
-@entry
-def add_view(source, depth, slopes, radiance, target, surface, view, weights, total):
-    """Add what a view sees of each pixel's point to a picture.
-
-    weights : float64 (height, width, k, 2), weight and number of the views of each pixel.
-    total : float64 (height, width, 4), the sum of weighted radiance, and of weights.
-    """
-    tall, wide, count = weights.shape[:3]
-    for y in range(tall):
-        for x in range(wide):
-            weight = 0.0
-            for i in range(count):
-                if weights[y, x, i, 1] == view:
-                    weight = weights[y, x, i, 0]
-            if weight <= 0.0:
-                continue
-            inverse = surface[y, x, 0]
-            px, py, pz = _from_view(target, x + 0.5, y + 0.5, inverse)
-            right, up, ahead = _to_view(source, px, py, pz, inverse)
-            place_x, place_y = _place(source, right, up, ahead)
-            off = surface[y, x, 1] / (inverse * ahead) if inverse > 0.0 else 0.0
-            _sample(depth, slopes, radiance, source[PIXEL], place_x, place_y, inverse / ahead, off, weight, total, x, y)
-
-
-@kernel
-def _sample(depth, slopes, radiance, pixel, place_x, place_y, inverse, off, weight, total, x, y):
-    """Sample a view by those of its pixels that see the point: cubic where all around do, else linear."""
-    height, width = depth.shape
-    left, top = math.floor(place_x - 0.5), math.floor(place_y - 0.5)
-    tx, ty = place_x - 0.5 - left, place_y - 0.5 - top
-    is_whole = left >= 1 and top >= 1 and left + 2 < width and top + 2 < height
-    if is_whole:
-        for j in range(-1, 3):
-            for i in range(-1, 3):
-                at_y, at_x = top + j, left + i
-                is_whole = is_whole and sees(depth[at_y, at_x], slopes[at_y, at_x, 2], pixel, inverse, off)
-    red, green, blue, share = 0.0, 0.0, 0.0, 0.0
-    first, last = (-1, 3) if is_whole else (0, 2)
-    for j in range(first, last):
-        for i in range(first, last):
-            at_y, at_x = min(max(top + j, 0), height - 1), min(max(left + i, 0), width - 1)
-            if is_whole:
-                part = _cubic(tx, i) * _cubic(ty, j)
-            elif sees(depth[at_y, at_x], slopes[at_y, at_x, 2], pixel, inverse, off):
-                part = (tx if i == 1 else 1.0 - tx) * (ty if j == 1 else 1.0 - ty)
-            else:
-                continue
-            red += part * radiance[at_y, at_x, 0]
-            green += part * radiance[at_y, at_x, 1]
-            blue += part * radiance[at_y, at_x, 2]
-            share += part
-    if share > 0.0:
-        total[y, x, 0] += weight * red / share
-        total[y, x, 1] += weight * green / share
-        total[y, x, 2] += weight * blue / share
-        total[y, x, 3] += weight

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.lightfield.depth.depth_map import Depth
+from raytracer.lightfield.views import blend_kernels
 from raytracer.lightfield.views import posed_kernels as kernels
 from raytracer.lightfield.views.free_camera import FreeCamera
 from raytracer.lightfield.views.view_surfaces import (
@@ -132,13 +133,15 @@ def _draw(field: PosedLightField, surfaces: ViewSurfaces, camera: FreeCamera) ->
     best = np.full((*size, BLENDED + 1, 2), np.inf)
     for number, view in enumerate(chosen):
         source = surfaces.of(*view)
-        kernels.rank_view(source.camera, source.depth, source.slopes, target, surface, number, best)
+        blend_kernels.rank_view(source.camera, source.depth, source.slopes, target, surface, number, best)
     weights = _blending_weights(best)
     total = np.zeros((*size, 4))
     used = np.unique(weights[..., 1][weights[..., 0] > 0.0]).astype(np.int64)
     for number in used.tolist():
         source, radiance = surfaces.of(*chosen[number]), field.view(*chosen[number])
-        kernels.add_view(source.camera, source.depth, source.slopes, radiance, target, surface, number, weights, total)
+        blend_kernels.add_view(
+            source.camera, source.depth, source.slopes, radiance, target, surface, number, weights, total
+        )
     weight = total[..., 3:]
     radiance = np.divide(total[..., :3], weight, out=np.full((*size, 3), np.nan), where=weight > 0.0)
     with np.errstate(divide="ignore"):
