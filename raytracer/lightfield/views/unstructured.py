@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.lightfield.depth.depth_map import Depth
-from raytracer.lightfield.views import blend_kernels
-from raytracer.lightfield.views import posed_kernels as kernels
+from raytracer.lightfield.kernels import view_blending
+from raytracer.lightfield.kernels import view_surfaces as kernels
 from raytracer.lightfield.views.free_camera import FreeCamera
 from raytracer.lightfield.views.view_surfaces import (
     DEPTH_LAYER,
@@ -133,13 +133,13 @@ def _draw(field: PosedLightField, surfaces: ViewSurfaces, camera: FreeCamera) ->
     best = np.full((*size, BLENDED + 1, 2), np.inf)
     for number, view in enumerate(chosen):
         source = surfaces.of(*view)
-        blend_kernels.rank_view(source.camera, source.depth, source.slopes, target, surface, number, best)
+        view_blending.rank_view(source.camera, source.depth, source.slopes, target, surface, number, best)
     weights = _blending_weights(best)
     total = np.zeros((*size, 4))
     used = np.unique(weights[..., 1][weights[..., 0] > 0.0]).astype(np.int64)
     for number in used.tolist():
         source, radiance = surfaces.of(*chosen[number]), field.view(*chosen[number])
-        blend_kernels.add_view(
+        view_blending.add_view(
             source.camera, source.depth, source.slopes, radiance, target, surface, number, weights, total
         )
     weight = total[..., 3:]

@@ -11,7 +11,7 @@ from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.film.light_field.views import Pose
 from raytracer.lightfield.depth.depth_map import Depth
-from raytracer.lightfield.views import posed_kernels as kernels
+from raytracer.lightfield.kernels import view_surfaces as kernels
 from raytracer.lightfield.views.synthesis import reproject_depth
 from raytracer.util.errors import InputError
 
@@ -84,7 +84,7 @@ class Surface(NamedTuple):
 
     camera : float64 (15,), the row of its pose and image plane for kernels.
     depth : float64 (height, width), see `DepthOfView`.
-    slopes : float64 (height, width, 4), see `posed_kernels.pixel_slopes`.
+    slopes : float64 (height, width, 4), see `kernels.view_surfaces.pixel_slopes`.
     """
 
     camera: FloatArray

@@ -1,13 +1,13 @@
 """Kernels of pictures from any pose: the views that each point is seen by best, and the blend of what they see.
 
-Depth is as in `posed_kernels`.
+Depth is as in `view_surfaces`.
 """
 
 import math
 
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.compiler.entry import entry
-from raytracer.lightfield.views.posed_kernels import PIXEL, from_view, place, ray_angle, to_view
+from raytracer.lightfield.kernels.view_surfaces import PIXEL, from_view, place, ray_angle, to_view
 
 AT_EDGE = 0.5 * math.pi
 """Penalty (rad) of a point at an edge in a view, whose pixels there are means of what is before and behind it."""
