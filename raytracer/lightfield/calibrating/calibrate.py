@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -41,15 +42,9 @@ def calibrate(
         raise InputError(f"a board must have 3 to {MOST_CORNERS} inner corners a side, got {columns} x {rows}")
     boards, kinds = [], {}
     for picture in pictures:
-        if Path(picture).suffix.lower() == lf.SUFFIX:
-            with lf.open(picture) as field:
-                boards.append(find_corners(field, rows, columns, str(picture)))
-        elif decode is not None:
-            field = decode(picture)
+        with _open(picture, decode) as field:
+            views = field.views
             boards.append(find_corners(field, rows, columns, str(picture)))
-        else:
-            raise InputError(f"{picture}: is no light field, which are {lf.SUFFIX} files")
-        views = field.views
         kinds[views.rows, views.columns, views.width, views.height] = str(picture)
         if len(kinds) > 1:
             first, other = (f"{c} x {r} views of {w} x {h} pixels" for r, c, w, h in kinds)
@@ -58,6 +53,15 @@ def calibrate(
         raise InputError("no pictures of a board are given")
     row_count, column_count, width, height = next(iter(kinds))
     return calibrate_camera(boards, square, (row_count, column_count), (width, height), distorted)
+
+
+def _open(picture: str | Path, decode: Callable[[str | Path], LightField] | None) -> AbstractContextManager[LightField]:
+    """Open a light field, or decode a raw picture."""
+    if Path(picture).suffix.lower() == lf.SUFFIX:
+        return lf.open(picture)
+    if decode is None:
+        raise InputError(f"{picture}: is no light field, which are {lf.SUFFIX} files")
+    return nullcontext(decode(picture))
 
 
 def as_dict(found: Calibration) -> dict[str, Any]:

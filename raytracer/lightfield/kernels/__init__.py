@@ -1,1 +1,1 @@
-"""Compiled inner loops of depth, super-resolution and pictures from any pose; their callers share the work among threads."""
+"""Compiled inner loops of depth, super-resolution and pictures from any pose; callers share the work among threads."""
