@@ -12,6 +12,7 @@ import numpy as np
 from raytracer.lightfield.depth.estimate import DepthContext, FloatArray, ViewIndex, median_spacing, view_offsets
 from raytracer.lightfield.depth.local_planes import Planes, fit_planes
 from raytracer.lightfield.depth.residuals import Offsets, measure_offsets
+from raytracer.lightfield.memory import require_memory
 
 _PASSES = 2
 
@@ -21,6 +22,9 @@ _EDGE = 0.5
 _START, _LEAST = 1.0 / 3.0, 0.1
 """Uncertainty of the disparity to begin with, and at least, in pixels of the outermost view: a step from plane to
 plane, and what surfaces curve by."""
+
+_FIXED_BYTES, _THREAD_BYTES = 640, 64
+"""Bytes a pixel: sums over views, planes and the estimates before; and a view in each thread."""
 
 
 class Refined(NamedTuple):
@@ -39,8 +43,13 @@ class Refined(NamedTuple):
 def refine(
     context: DepthContext, others: Sequence[ViewIndex], inverse: FloatArray, bounds: tuple[float, float]
 ) -> Refined:
-    """Refine 1 / distance (1/m), height x width, with the views `others`; `bounds` are its least and greatest value."""
+    """Refine 1 / distance (1/m), height x width, with the views `others`; `bounds` are its least and greatest value.
+
+    Raises InputError: it takes more memory than is given.
+    """
     views = context.field.views
+    size = views.width * views.height * (_FIXED_BYTES + _THREAD_BYTES * context.threads)
+    require_memory(size, f"depth of {views.width} x {views.height} pixels", "fewer threads take less")
     spacing = median_spacing(views)
     scale = spacing / views.plane.pixel
     places = view_offsets(views, context.reference) / spacing

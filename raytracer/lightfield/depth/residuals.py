@@ -36,9 +36,6 @@ _CHANNELS = 3
 _SLOPE_NOISE = 0.5
 """Variance of the difference of two neighbours but one, halved, over that of a pixel."""
 
-_AT_ONCE = 8
-"""Views that are held in memory together."""
-
 
 class Offsets(NamedTuple):
     """Corrections of the disparity of each pixel, and what is known of them, (height, width) each.
@@ -154,8 +151,9 @@ def measure_offsets(
 
     sums = _Sums(disparity.shape)
     sums.add(0.0, 0.0, np.ones(disparity.shape), own)
-    for first in range(0, len(others), _AT_ONCE):
-        some = others[first : first + _AT_ONCE]
+    # No more views are held in memory than threads work on.
+    for first in range(0, len(others), context.threads):
+        some = others[first : first + context.threads]
         for other, (value, weight) in zip(some, context.pool.map(weighted_view, some), strict=True):
             sums.add(float(places[other][0]), float(places[other][1]), weight, value)
             context.counter.step()
