@@ -138,10 +138,8 @@ def _draw(field: PosedLightField, surfaces: ViewSurfaces, camera: FreeCamera) ->
     total = np.zeros((*size, 4))
     used = np.unique(weights[..., 1][weights[..., 0] > 0.0]).astype(np.int64)
     for number in used.tolist():
-        source, radiance = surfaces.of(*chosen[number]), field.view(*chosen[number])
-        view_blending.add_view(
-            source.camera, source.depth, source.slopes, radiance, target, surface, number, weights, total
-        )
+        seen, radiance = surfaces.of(*chosen[number]), field.view(*chosen[number])
+        view_blending.add_view(seen, radiance, target, surface, number, weights, total)
     weight = total[..., 3:]
     radiance = np.divide(total[..., :3], weight, out=np.full((*size, 3), np.nan), where=weight > 0.0)
     with np.errstate(divide="ignore"):
