@@ -25,7 +25,7 @@ from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.focusing import refocusable
 from raytracer.film.light_field.layout import extract_light_field
 from raytracer.film.light_field.views import Views
-from raytracer.lightfield.devignetting import devignette, white_scene
+from raytracer.lightfield.devignetting import devignette, light_in_the_middle, white_scene
 from raytracer.lightfield.refocusing.refocus import refocus
 from raytracer.optics.sensor_formats import SensorSpec
 from raytracer.plugins.cameras.lens import RealLens
@@ -127,8 +127,8 @@ def compare(spec: SceneSpec, taken: Taken, distance: float, spp: int) -> Errors:
     plain, light = (refocus(field, distance).radiance for field in (taken.plain, taken.white))
     middle = light[views.height // 3 : -(views.height // 3), views.width // 3 : -(views.width // 3)].mean()
     shown = white[views.height // 3 : -(views.height // 3), views.width // 3 : -(views.width // 3)].mean()
-    # As bright as the middle, as what is devignetted is.
-    truth = photograph.radiance * (shown / white)
+    # Devignetted views are as bright as the middle of the picture, and photographs of the radiance of the scene.
+    truth = photograph.radiance / white * light_in_the_middle(taken.white)
     return Errors(
         distance,
         relative_rms(even, truth),

@@ -125,7 +125,7 @@ def _divided(field: LightField, white: LightField, update: Update | None) -> Ite
     _check_same(field.views, white.views)
     if (field.samples is None) != (white.samples is None):
         raise InputError("the white picture is of other microlenses")
-    full = _light_in_the_middle(white)
+    full = light_in_the_middle(white)
     for place in report_progress(list(np.ndindex(field.views.rows, field.views.columns)), update):
         light = white.view(*place) / full
         samples = None
@@ -148,7 +148,7 @@ def _lit_layer(light: FloatArray, white: LightField, place: tuple[int, int]) -> 
     return {LIT_LAYER: (lit if within is None else np.where(within, lit, 0.0)).astype(np.float32)}
 
 
-def _light_in_the_middle(white: LightField) -> FloatArray:
+def light_in_the_middle(white: LightField) -> FloatArray:
     """Measure the light (3,) of the middle third of the view from the middle of the lens."""
     views = white.views
     row, column = views.nearest()

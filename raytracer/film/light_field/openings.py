@@ -13,6 +13,9 @@ FloatArray = NDArray[np.float64]
 _PLACES = 384
 """Places a side, all over an opening, at which its transmission is summed."""
 
+_ROUNDING = float(np.finfo(np.float64).eps) * _PLACES**2
+"""Largest rounding of sums over all places, relative to all light."""
+
 
 class OpeningTable:
     """Light through an opening that is not round, summed over a grid of places: any rectangle's part is a look-up.
@@ -34,6 +37,8 @@ class OpeningTable:
         width, height = width / radius, height / radius
         right, top = left + width, bottom + height
         area = self._sum(right, top) - self._sum(left, top) - self._sum(right, bottom) + self._sum(left, bottom)
+        # What rounding of the sums leaves where nothing is open is not light.
+        area = np.where(area > _ROUNDING * self._below[-1, -1], area, 0.0)
         return np.asarray(np.clip(area / (width * height), 0.0, 1.0))
 
     def _sum(self, x: FloatArray, y: FloatArray) -> FloatArray:
