@@ -25,6 +25,9 @@ _INTRINSICS = 8
 _STEP = 1e-6
 """Step of the numeric derivatives, of logarithms, pixels, metres, radians and 1/m."""
 
+_MOST_STEPS = 40
+"""Steps of the fit, of which boards that tell the intrinsics need about five; what others end at has large errors."""
+
 _OUTLIER = 1.0
 """Distance of a corner (px) from which on it counts by its distance, and not by the square: found at a wrong place."""
 
@@ -257,6 +260,7 @@ def _adjust(first: CameraModel, poses: Floats, boards: list[BoardView], points: 
         loss="huber",
         f_scale=_OUTLIER,
         x_scale="jac",
+        max_nfev=_MOST_STEPS,
     )
     camera = camera_of(fit.x)
     total = np.concatenate(differences(fit.x))

@@ -40,9 +40,11 @@ def calibrate(
     if not (min(corners) >= 3 and max(corners) <= MOST_CORNERS):
         raise InputError(f"a board must have 3 to {MOST_CORNERS} inner corners a side, got {columns} x {rows}")
     boards, kinds = [], {}
+    field: LightField
     for picture in pictures:
         if Path(picture).suffix.lower() == lf.SUFFIX:
-            with lf.open(picture) as field:
+            with lf.open(picture) as opened:
+                field = opened
                 boards.append(find_corners(field, rows, columns, str(picture)))
         elif decode is not None:
             field = decode(picture)
