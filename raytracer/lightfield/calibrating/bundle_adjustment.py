@@ -268,7 +268,8 @@ def _adjust(first: CameraModel, poses: Floats, boards: list[BoardView], points: 
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * float((total**2).sum()) / max(1, total.size - len(start))
     errors = np.zeros(_INTRINSICS)
     errors[:number] = np.sqrt(np.diag(covariance))[:number]
-    if not errors[0] < _UNKNOWN:
+    # Where nothing tells a number, the fit wanders along it without an end.
+    if not fit.success or not errors[0] < _UNKNOWN:
         raise InputError(
             "the boards do not tell the focal length: tilt them, to different sides, by 20 degrees and more"
         )
