@@ -25,6 +25,9 @@ _INTRINSICS = 8
 _STEP = 1e-6
 """Step of the numeric derivatives, of logarithms, pixels, metres, radians and 1/m."""
 
+_MOST_STEPS = 40
+"""Steps of the fit, of which boards that tell the intrinsics need about five; what others end at has large errors."""
+
 _OUTLIER = 1.0
 """Distance of a corner (px) from which on it counts by its distance, and not by the square: found at a wrong place."""
 
@@ -257,6 +260,7 @@ def _adjust(first: CameraModel, poses: Floats, boards: list[BoardView], points: 
         loss="huber",
         f_scale=_OUTLIER,
         x_scale="jac",
+        max_nfev=_MOST_STEPS,
     )
     camera = camera_of(fit.x)
     total = np.concatenate(differences(fit.x))
@@ -264,7 +268,8 @@ def _adjust(first: CameraModel, poses: Floats, boards: list[BoardView], points: 
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * float((total**2).sum()) / max(1, total.size - len(start))
     errors = np.zeros(_INTRINSICS)
     errors[:number] = np.sqrt(np.diag(covariance))[:number]
-    if not errors[0] < _UNKNOWN:
+    # Where nothing tells a number, the fit wanders along it without an end.
+    if not fit.success or not errors[0] < _UNKNOWN:
         raise InputError(
             "the boards do not tell the focal length: tilt them, to different sides, by 20 degrees and more"
         )
