@@ -26,14 +26,16 @@ SIZES = (6, 8, 12, 16)
 DEPTHS = {"the near ball": 1.5, "the box": 2.0, "the far ball": 3.0, "the wall": 6.0}
 """Distances of what is in the scenes, over that of the plane of focus."""
 
-_SPP = 8
+_SPP = 32
 _PANEL = (300, 225)
 _SMALL = 150
 """Pictures of fewer pixels than this are enlarged with their pixels to be seen."""
 
 
 def _load(lens: str, **keys: Any) -> SceneSpec:
-    return load(SCENES / "lightfield" / f"glass_{lens}.yaml", {f"camera.{key}": value for key, value in keys.items()})
+    """Load the scene of a lens, without dispersion, which is coloured noise in single views."""
+    changed = {f"camera.{key}": value for key, value in keys.items()} | {"camera.dispersion": False}
+    return load(SCENES / "lightfield" / f"glass_{lens}.yaml", changed)
 
 
 def _take(spec: SceneSpec) -> tuple[Picture, Picture, LightField]:
