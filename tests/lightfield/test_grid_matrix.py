@@ -17,8 +17,8 @@ BOUND = 0.01
 """Of the pitch, and of the offset in the middle of the picture (px)."""
 
 # Where the pitch is a whole number of pixels, all sub-images have the same place among these, and what pixels make of
-# the edges is the same error for all.  Clipped and Bayer pictures of such lattices are tested turned only: else they fall
-# short of the bound.
+# the edges is the same error for all.  Clipped and Bayer pictures of such lattices are tested turned only: else they
+# fall short of the bound.
 WHOLE = (6.0, 10.0)
 
 
