@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from raytracer.film.light_field.posed_field import PosedLightField
     from raytracer.film.light_field.posed_views import PosedViews
     from raytracer.film.light_field.views import Plane, Pose, Views
+    from raytracer.lightfield.calibrating.bundle_adjustment import Calibration
+    from raytracer.lightfield.calibrating.calibrate import calibrate
+    from raytracer.lightfield.calibrating.camera import CameraModel, read_camera
     from raytracer.lightfield.capturing.capture import Captured, capture
     from raytracer.lightfield.decoding.calibration import find_grid
     from raytracer.lightfield.decoding.decoder import Decoded, decode
@@ -47,6 +50,9 @@ _MODULES = {
     "raytracer.film.light_field.posed_field": ("PosedLightField",),
     "raytracer.film.light_field.posed_views": ("PosedViews",),
     "raytracer.film.light_field.views": ("Plane", "Pose", "Views"),
+    "raytracer.lightfield.calibrating.bundle_adjustment": ("Calibration",),
+    "raytracer.lightfield.calibrating.calibrate": ("calibrate",),
+    "raytracer.lightfield.calibrating.camera": ("CameraModel", "read_camera"),
     "raytracer.lightfield.capturing.capture": ("Captured", "capture"),
     "raytracer.lightfield.decoding.calibration": ("find_grid",),
     "raytracer.lightfield.decoding.decoder": ("Decoded", "decode"),
@@ -73,6 +79,8 @@ _HOMES = {name: (module, name) for module, names in _MODULES.items() for name in
 _HOMES["of"] = ("raytracer.film.light_field.layout", "extract_light_field")
 
 __all__ = [
+    "Calibration",
+    "CameraModel",
     "Captured",
     "Decoded",
     "Depth",
@@ -90,6 +98,7 @@ __all__ = [
     "Views",
     "Writer",
     "all_in_focus",
+    "calibrate",
     "capture",
     "cell_weights",
     "decode",
@@ -112,6 +121,7 @@ __all__ = [
     "page",
     "path_places",
     "path_through",
+    "read_camera",
     "read_grid",
     "refocus",
     "refocusable",

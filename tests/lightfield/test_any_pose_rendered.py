@@ -41,7 +41,7 @@ def quality(path, spec, look_from, look_at, vfov, seed=100, **by):
 def test_an_object_is_drawn_from_fifty_places(tmp_path_factory):
     """Over 35 dB at 49 of 50, 3 to 6 m from it, where the cameras stand 4 m away; at the last over 30.
 
-    That one looks along the top of the table, where depth is noisy (docs/decisions/light-fields.md).  Straight up and
+    That one looks along the top of the table, where depth is noisy (docs/decisions/novel-views.md).  Straight up and
     down behind the object lie directions of the sky that no camera sees: of three pictures a part.
     """
     spec = load(SCENES / "lightfield" / "around.yaml")

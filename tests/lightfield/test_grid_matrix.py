@@ -1,4 +1,12 @@
-"""Errors of microlens grids by what may be wrong with a white picture: see `grid_matrix`."""
+"""Errors of microlens grids by what may be wrong with a white picture: see `grid_matrix`.
+
+The bar is 0.01 px for pitch and offset.  It is not met by:
+
+- clipped pictures of arrays that are not turned, at pitches of 6 px (offset off by 0.048 px) and 10 px (0.016 px), and
+  those behind a Bayer mosaic at 6 px (0.012 px): these cases, and Bayer's at 10 px, are left out here;
+- hexagons of 20 px that a rim cuts from half of the half width on (offset 0.014 px): bounded by 0.015 px;
+- pictures that a rim cuts from three tenths on (pitch 0.012 px, offset 0.011 px): bounded by 0.02 px.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +17,8 @@ BOUND = 0.01
 """Of the pitch, and of the offset in the middle of the picture (px)."""
 
 # Where the pitch is a whole number of pixels, all sub-images have the same place among these, and what pixels make of
-# the edges is the same error for all: 0.05 px if they are clipped and 6 px wide.  Their lattice is turned here.
+# the edges is the same error for all.  Clipped and Bayer pictures of such lattices are tested turned only: else they
+# fall short of the bound.
 WHOLE = (6.0, 10.0)
 
 
@@ -27,7 +36,8 @@ def test_grids_of_the_worst_pictures(pitch, hexagonal):
 def test_grids_of_all_pictures(pitch, hexagonal, degrees):
     cases = [name for name in CASES if name not in ("clipped", "bayer") or pitch not in WHOLE or degrees != 0.0]
     errors = measure(pitch, hexagonal, degrees, cases)
-    # Cat's eyes from three tenths of the half width on leave a disc of seven microlenses' width that is whole.
+    # Falls short: cat's eyes from three tenths of the half width on leave a disc of seven microlenses' width that is
+    # whole, and the pitch of squares of 20 px is off by 0.012 px, the offset by 0.011 px.
     bounds = {name: 2.0 * BOUND if name == "cat's eyes early" else BOUND for name in cases}
     if (pitch, hexagonal) == (20.0, True):
         # Falls short: the offset of the few that are whole is off by 0.014 px.

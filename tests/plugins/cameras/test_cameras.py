@@ -23,6 +23,12 @@ camera_array:
 - {{rows: 2, columns: 3, spacing: 20 mm, vfov: 35}}
 - {{rows: 3, columns: 2, spacing: [0.02, 0.03], fill: true, focal_length: 50, focus_distance: .inf,
    convergence_distance: 3, shutter: 1/125 s, iso: 400}}
+camera_box:
+- {{rows: 1, columns: 2, size: [4, 3, 5], vfov: 60}}
+- {{rows: 2, columns: 1, size: [0.4, 0.3, 0.5], facing: outward, faces: [back, top], hfov: 80}}
+camera_sphere:
+- {{rows: 2, columns: 3, vfov: 40}}
+- {{rows: 1, columns: 4, facing: outward, radius: 0.2, elevation: [10, 10], azimuth: [-60, 60], vfov: 75}}
 light_field:
 - {{focal_length: 50, f_number: 4}}
 - {{sensor: 1-inch, focal_length: 30, f_number: 2.8, shutter: 1/125 s, iso: 400,
@@ -76,7 +82,7 @@ CASES = [
 
 # A bare sensor and a single ray form no image, a hole of a size no sharp one, and glass one with errors; of many views
 # each has its own.
-VIEWS = ("camera_array", "light_field", "light_slab")
+VIEWS = ("camera_array", "camera_box", "camera_sphere", "light_field", "light_slab")
 IMAGING = [case for case in CASES if case.values[0]["type"] not in (*VIEWS, "none", "ray")]
 SHARP = [case for case in IMAGING if "diameter" not in case.values[0] and case.values[0]["type"] != "lens"]
 

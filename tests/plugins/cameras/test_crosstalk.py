@@ -45,7 +45,7 @@ def radius(spec):
 
 
 @pytest.mark.parametrize(("layout", "rows"), [("square", 1.0), ("hexagonal", math.sqrt(3.0) / 2.0)])
-@pytest.mark.parametrize("stretch", [0.7, 1.2, 1.9])
+@pytest.mark.parametrize("stretch", [0.7, 1.2, 1.9, 2.6])
 def test_a_place_gets_the_light_of_each_microlens_whose_sub_image_covers_it(layout, rows, stretch):
     spec = thin(distance=stretch * MATCHED, layout=layout, crosstalk=True)
     x, y = places(200_000, 6.0 * rows * PIXELS)

@@ -134,7 +134,7 @@ class RigSpec(IdealLensSpec):
         if len(places) > 1:
             near, index = KDTree(places).query(places, k=2)
             to = places - self.center()
-            to /= np.linalg.norm(to, axis=1)[:, None]
+            # Not of unit length: places that rounding puts into the middle have no direction.
             apart = np.linalg.norm(np.cross(to, to[index[:, 1]]), axis=1), (to * to[index[:, 1]]).sum(axis=1)
             numbers["view_spacing_mm"] = 1e3 * float(np.median(near[:, 1]))
             numbers["view_angle_deg"] = math.degrees(float(np.median(np.arctan2(*apart))))
