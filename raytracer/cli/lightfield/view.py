@@ -6,7 +6,7 @@ from typing import Annotated
 
 from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
-from raytracer.cli.lightfield.base import File, Memory, Quiet, check_outputs, open_within
+from raytracer.cli.lightfield.base import File, Memory, Quiet, check_outputs, limit_memory, open_any
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -43,11 +43,16 @@ def view(
     max_bytes = _bytes(size)
     ev = None if exposure is None else options.parse_value("--exposure", exposure, _ev)
 
-    from raytracer.lightfield.viewer.page import write_page
+    from raytracer.film.light_field.posed_field import PosedLightField
+    from raytracer.lightfield.viewer import page, posed_page
     from raytracer.util.progress import Bar
 
-    with open_within(file, memory) as field, Bar(" steps", quiet=quiet) as bar:
-        notes = write_page(path, field, title=Path(file).stem, size=max_bytes, exposure=ev, update=bar.update)
+    with limit_memory(memory), open_any(file) as field, Bar(" steps", quiet=quiet) as bar, options.name_in_errors(file):
+        keys = {"title": Path(file).stem, "size": max_bytes, "exposure": ev, "update": bar.update}
+        if isinstance(field, PosedLightField):
+            notes = posed_page.write_page(path, field, **keys)
+        else:
+            notes = page.write_page(path, field, **keys)
     if not quiet:
         print(*notes, f"wrote {path}", sep="\n", file=sys.stderr)
 
