@@ -14,13 +14,16 @@ const { views, width, height, code } = data;
 const [WIDE, TALL] = data.picture;
 const canvas = find("#picture");
 
-// Views that a picture is drawn of, and of which a pixel is blended.
-const SLOTS = Math.min(12, views.length);
+// Views that a picture is drawn of, those of them that are most like the camera, and those that a pixel is blended of.
+const SLOTS = Math.min(16, views.length);
+const ALIKE = 8;
 const BLENDED = 4;
 // Times that surfaces are drawn, each without what views saw through in the last.
-const ROUNDS = 3;
+const ROUNDS = 2;
 const VFOV = [5, 120];
 const PROBES = 5;
+// Of the picture, in a row and in a column, of which views see something or not.
+const CELLS = 8;
 const KEY_TURN = Math.PI / 36;
 const KEY_ZOOM = 1.1;
 const HIGHEST = (89 / 180) * Math.PI;
@@ -117,25 +120,46 @@ function probePlace(number) {
   return [middle(number % PROBES, width), middle(Math.floor(number / PROBES), height)];
 }
 
-/* The median angle between the rays of a view and the camera to what both see; infinite if they see nothing alike. */
-function unlikeness(view, camera) {
+/* How a view compares with the camera: the median angle between their rays to what both see, infinite if they see
+   nothing alike, and the cells of the picture that it sees something of. */
+function compared(number, camera) {
+  const view = views[number];
   const angles = [];
-  for (let number = 0; number < PROBES * PROBES; number++) {
-    const inverse = probe(view, number, camera);
+  const cells = new Set();
+  for (let at = 0; at < PROBES * PROBES; at++) {
+    const inverse = probe(view, at, camera);
     if (Number.isNaN(inverse)) continue;
-    const { ahead, point } = pointAt(view, ...probePlace(number), inverse);
+    const { ahead, point } = pointAt(view, ...probePlace(at), inverse);
     const ray = add(point, camera.pose[0], -inverse);
     const depth = dot(ray, camera.pose[3]);
     if (depth <= 0) continue;
-    const inside = Math.abs(dot(ray, camera.pose[1]) / depth) <= -camera.plane[2] && Math.abs(dot(ray, camera.pose[2]) / depth) <= camera.plane[3];
-    if (inside) angles.push(Math.atan2(Math.hypot(...cross(ahead, ray)), dot(ahead, ray)));
+    const place = [dot(ray, camera.pose[1]) / -camera.plane[2], -dot(ray, camera.pose[2]) / camera.plane[3]].map((part) => part / depth);
+    if (!place.every((part) => Math.abs(part) <= 1)) continue;
+    angles.push(Math.atan2(Math.hypot(...cross(ahead, ray)), dot(ahead, ray)));
+    const [x, y] = place.map((part) => Math.min(CELLS - 1, Math.floor((0.5 + 0.5 * part) * CELLS)));
+    cells.add(y * CELLS + x);
   }
-  return angles.length ? angles.sort((a, b) => a - b)[Math.floor(angles.length / 2)] : Infinity;
+  const angle = angles.length ? angles.sort((a, b) => a - b)[Math.floor(angles.length / 2)] : Infinity;
+  return { number, angle, cells };
 }
 
-/* Numbers of views, those most like the camera first. */
-function mostAlike(camera, numbers) {
-  return numbers.map((number) => [unlikeness(views[number], camera), number]).sort(([a], [b]) => a - b);
+/* Views compared with the camera, those most like it first. */
+const mostAlike = (camera, numbers) => numbers.map((number) => compared(number, camera)).sort((a, b) => a.angle - b.angle);
+
+/* Numbers of the views that a picture is drawn of, those most like the camera first: some that are, and further ones
+   that see parts of the picture that these do not. */
+function chosenViews(camera, numbers) {
+  const alike = mostAlike(camera, numbers).filter(({ angle }) => angle < Infinity);
+  const chosen = alike.slice(0, ALIKE);
+  const covered = new Set(chosen.flatMap(({ cells }) => [...cells]));
+  for (const view of alike.slice(ALIKE)) {
+    if (chosen.length === SLOTS) break;
+    if ([...view.cells].every((cell) => covered.has(cell))) continue;
+    chosen.push(view);
+    for (const cell of view.cells) covered.add(cell);
+  }
+  for (const view of alike.slice(ALIKE)) if (chosen.length < SLOTS && !chosen.includes(view)) chosen.push(view);
+  return chosen.sort((a, b) => a.angle - b.angle).map(({ number }) => number);
 }
 
 // ---- shaders ----
@@ -249,6 +273,7 @@ bool broken(ivec2 at, int axis) {
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   corners = vec4(-1.0);
+  vec4 found;
   if (texelFetch(marks, ivec3(at, slot), 0).x < 0.5) return;
   vec4 here = texelFetch(surfaces, ivec3(at, slot), 0);
   for (int corner = 0; corner < 4; corner++) {
@@ -265,8 +290,9 @@ void main() {
       total += beside.x + 0.5 * (to.x * beside.y - to.y * beside.z);
       count += 1.0;
     }
-    corners[corner] = max(total / count, 0.0);
+    found[corner] = max(total / count, 0.0);
   }
+  corners = found;
 }`;
 
 /* Two triangles for each pixel of a view. */
@@ -312,14 +338,13 @@ void main() {
 /* Where a view sees through the surface, it must be farther. */
 const FALSE = `${COMMON}${FETCH}
 uniform sampler2D limit, surface;
-uniform int count;
 out vec4 next;
 void main() {
   next = texelFetch(limit, ivec2(gl_FragCoord.xy), 0);
   vec4 known = texelFetch(surface, ivec2(gl_FragCoord.xy), 0);
   if (known.r <= 0.0) return;
   vec3 point = pointAt(cameraOf(${SLOTS}), vec2(gl_FragCoord.x, target.y - gl_FragCoord.y), known.r);
-  for (int slot = 0; slot < count; slot++) {
+  for (int slot = 0; slot < ${SLOTS}; slot++) {
     Camera view = cameraOf(slot);
     vec3 seen = seenBy(view, point, known.r);
     if (seen.z <= 0.0) continue;
@@ -335,12 +360,53 @@ void main() {
 const BLEND = `${COMMON}${FETCH}${ENCODE}
 uniform sampler2DArray views;
 uniform sampler2D surface;
-uniform int count, numbers[${SLOTS}];
+uniform int numbers[${SLOTS}];
 uniform float gain;
 out vec4 shown;
+const float NONE = 1e30;
+float offOf(vec4 known, float ahead) { return known.r > 0.0 ? known.g / (known.r * ahead) : 0.0; }
 bool sees(vec4 there, vec4 mark, float pixel, float inverse, float off) {
   float slope = mark.x > 0.5 || mark.y > 0.5 ? there.w : 0.0;
   return there.x >= 0.0 && abs(inverse - there.x) <= off * inverse + slope + pixel * there.x;
+}
+/* By which share a view sees a point at a place, of the four pixels around it, and the share that sees nothing else. */
+vec2 shareSeen(int slot, vec2 place, float inverse, float off) {
+  vec2 low = floor(place - 0.5), part = place - 0.5 - low, shares = vec2(0.0);
+  float pixel = cameraOf(slot).pixel.x;
+  for (int j = 0; j < 4; j++) {
+    ivec2 step = ivec2(j & 1, j >> 1);
+    ivec3 at = ivec3(clamp(ivec2(low) + step, ivec2(0), size - 1), slot);
+    vec4 mark = texelFetch(marks, at, 0);
+    float weight = (step.x == 1 ? part.x : 1.0 - part.x) * (step.y == 1 ? part.y : 1.0 - part.y);
+    if (sees(texelFetch(surfaces, at, 0), mark, pixel, inverse, off)) shares += weight * vec2(1.0, mark.y);
+  }
+  return shares;
+}
+vec4 cubic(float t) {
+  // Of the neighbours -1 to 2 of a place t after neighbour 0 (Keys 1981).
+  return 0.5 * vec4(((2.0 - t) * t - 1.0) * t, (3.0 * t - 5.0) * t * t + 2.0, ((4.0 - 3.0 * t) * t + 1.0) * t, (t - 1.0) * t * t);
+}
+/* What a view sees of a point, of its pixels that see it: cubic where all around do, else linear. */
+vec3 sampled(int slot, vec2 place, float inverse, float off) {
+  vec2 low = floor(place - 0.5), part = place - 0.5 - low;
+  float pixel = cameraOf(slot).pixel.x;
+  vec4 across = cubic(part.x), down = cubic(part.y);
+  ivec2 first = ivec2(low) - 1;
+  bool whole = all(greaterThanEqual(first, ivec2(0))) && all(lessThan(first + 3, size));
+  vec4 linear = vec4(0.0);
+  vec3 sum = vec3(0.0);
+  for (int j = 0; j < 16; j++) {
+    ivec2 step = ivec2(j & 3, j >> 2);
+    ivec3 at = ivec3(clamp(first + step, ivec2(0), size - 1), slot);
+    bool seen = sees(texelFetch(surfaces, at, 0), texelFetch(marks, at, 0), pixel, inverse, off);
+    whole = whole && seen;
+    if (!seen) continue;
+    vec3 light = texelFetch(views, ivec3(at.xy, numbers[slot]), 0).rgb;
+    sum += across[step.x] * down[step.y] * light;
+    vec2 near = max(1.0 - abs(vec2(step) - 1.0 - part), 0.0);
+    linear += near.x * near.y * vec4(light, 1.0);
+  }
+  return whole ? sum : linear.rgb / max(linear.a, 1e-9);
 }
 void main() {
   const int KEPT = ${BLENDED + 1};
@@ -350,48 +416,37 @@ void main() {
   Camera camera = cameraOf(${SLOTS});
   vec3 point = pointAt(camera, vec2(gl_FragCoord.x, target.y - gl_FragCoord.y), known.r);
   float penalties[KEPT];
-  vec3 lights[KEPT];
-  for (int i = 0; i < KEPT; i++) { penalties[i] = 1e30; lights[i] = vec3(0.0); }
-  for (int slot = 0; slot < count; slot++) {
+  int best[KEPT];
+  for (int i = 0; i < KEPT; i++) { penalties[i] = NONE; best[i] = 0; }
+  for (int slot = 0; slot < ${SLOTS}; slot++) {
     Camera view = cameraOf(slot);
     vec3 seen = seenBy(view, point, known.r);
     if (seen.z <= 0.0) continue;
     vec2 place = placeIn(view, seen);
     if (any(lessThan(place, vec2(0.5))) || any(greaterThan(place, vec2(size) - 0.5))) continue;
-    float inverse = known.r / seen.z, off = known.r > 0.0 ? known.g / (known.r * seen.z) : 0.0;
     float penalty = rayAngle(view, camera, point, known.r) + max(seen.z * view.pixel.x / camera.pixel.x - 1.0, 0.0);
     if (penalty >= penalties[KEPT - 1]) continue;
-    vec2 low = floor(place - 0.5), part = place - 0.5 - low;
-    float share = 0.0, clean = 0.0;
-    vec3 light = vec3(0.0);
-    for (int j = 0; j < 4; j++) {
-      ivec2 step = ivec2(j & 1, j >> 1);
-      ivec3 at = ivec3(clamp(ivec2(low) + step, ivec2(0), size - 1), slot);
-      vec4 mark = texelFetch(marks, at, 0);
-      if (!sees(texelFetch(surfaces, at, 0), mark, view.pixel.x, inverse, off)) continue;
-      float weight = (step.x == 1 ? part.x : 1.0 - part.x) * (step.y == 1 ? part.y : 1.0 - part.y);
-      share += weight;
-      clean += weight * mark.y;
-      light += weight * texelFetch(views, ivec3(at.xy, numbers[slot]), 0).rgb;
-    }
-    penalty += ${(0.5 * Math.PI).toFixed(9)} * (1.0 - clean);
-    if (share < 0.5 || penalty >= penalties[KEPT - 1]) continue;
+    vec2 shares = shareSeen(slot, place, known.r / seen.z, offOf(known, seen.z));
+    penalty += ${(0.5 * Math.PI).toFixed(9)} * (1.0 - shares.y);
+    if (shares.x < 0.5 || penalty >= penalties[KEPT - 1]) continue;
     int last = KEPT - 1;
     while (last > 0 && penalties[last - 1] > penalty) {
       penalties[last] = penalties[last - 1];
-      lights[last] = lights[last - 1];
+      best[last] = best[last - 1];
       last--;
     }
     penalties[last] = penalty;
-    lights[last] = light / share;
+    best[last] = slot;
   }
   // Weights fall to 0 at the first view that is left out (Buehler et al., sec. 4).
   float farthest = penalties[KEPT - 1], total = 0.0;
   vec3 sum = vec3(0.0);
   for (int i = 0; i < KEPT; i++) {
-    if (penalties[i] > 1e29) continue;
-    float weight = (farthest > 1e29 ? 1.0 : 1.0 - penalties[i] / farthest) / max(penalties[i], 1e-6);
-    sum += weight * lights[i];
+    if (penalties[i] >= farthest && farthest < NONE || penalties[i] == NONE) continue;
+    vec3 seen = seenBy(cameraOf(best[i]), point, known.r);
+    // What 32 bits leave of the angle to a ray that a view has itself.
+    float weight = (farthest == NONE ? 1.0 : 1.0 - penalties[i] / farthest) / max(penalties[i], 1e-6);
+    sum += weight * sampled(best[i], placeIn(cameraOf(best[i]), seen), known.r / seen.z, offOf(known, seen.z));
     total += weight;
   }
   if (total > 0.0) shown = vec4(encode(gain * sum / total), 1.0);
@@ -464,7 +519,7 @@ class Painter {
   /* Give the views most like the camera the slots, in which the others stay; return them in the order of likeness. */
   #fill(camera) {
     const gl = this.gl;
-    const alike = mostAlike(camera, [...this.views.there]).filter(([angle]) => angle < Infinity).slice(0, SLOTS).map(([, number]) => number);
+    const alike = chosenViews(camera, [...this.views.there]);
     const wanted = new Set(alike);
     const fresh = alike.filter((number) => !this.held.includes(number));
     const renewed = [];
@@ -474,7 +529,6 @@ class Painter {
         renewed.push(slot);
       } else if (!hasDepth) renewed.push(slot);
     }
-    // Those in use first, so that loops over slots end at the last of them.
     this.cameras = new Float32Array([...this.held.map((number) => numbersOf(views[Math.max(number, 0)])), numbersOf(camera)].flat());
     this.#use(this.slopes, this.#stacks("depths"));
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.plain);
@@ -546,7 +600,6 @@ class Painter {
       if (round > 0) {
         this.#into(this.plain, next);
         this.#use(this.false, [...stacks, ["limit", gl.TEXTURE_2D, limit], ["surface", gl.TEXTURE_2D, this.surface]]);
-        gl.uniform1i(this.false.place("count"), SLOTS);
         gl.drawArrays(gl.TRIANGLES, 0, 3);
         [limit, next] = [next, limit];
       }
@@ -554,11 +607,9 @@ class Painter {
     }
     this.#into(null, null);
     this.#use(this.blend, [...stacks, ["views", gl.TEXTURE_2D_ARRAY, this.views.layers], ["surface", gl.TEXTURE_2D, this.surface]]);
-    gl.uniform1i(this.blend.place("count"), SLOTS);
     gl.uniform1iv(this.blend.place("numbers"), this.held.map((number) => Math.max(number, 0)));
     gl.uniform1f(this.blend.place("gain"), code.unit * 2 ** state.ev);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
-    this.slots = slots;
   }
 }
 
@@ -582,7 +633,7 @@ const save = () => saveAs(picture(), data.name);
 
 /* Decode all views, those most like the camera first, into textures. */
 async function load() {
-  const order = mostAlike(cameraOf(state), views.map((_, number) => number)).map(([, number]) => number);
+  const order = mostAlike(cameraOf(state), views.map((_, number) => number)).map(({ number }) => number);
   const picturesOf = ({ picture, depth }) => (hasDepth ? [picture, depth] : [picture]);
   await loadOnto(() => (painter = new Painter()), order, (number) => picturesOf(views[number]), (mine, ...view) => mine.put(...view));
 }
