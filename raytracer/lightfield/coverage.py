@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.field import LIT_LAYER, LightField
+from raytracer.film.light_field.field import LIT_LAYER, FieldArrays, LightField
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.film.light_field.posed_views import PosedViews
 from raytracer.film.light_field.views import Views
@@ -55,7 +55,7 @@ def require_lit(field: LightField | PosedLightField, row: int, column: int) -> N
         raise InputError(f"no light came to view {row},{column}: it lies outside the lens")
 
 
-def lit_view(field: LightField, row: int, column: int) -> tuple[NDArray[np.float64], Mask | None]:
+def lit_view(field: FieldArrays, row: int, column: int) -> tuple[NDArray[np.float64], Mask | None]:
     """Read a view (height, width, 3), with unlit pixels filled from the nearest lit ones; and the mask of lit pixels.
 
     The mask is None if all are lit.  A view without any light is 0.

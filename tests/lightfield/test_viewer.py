@@ -73,15 +73,15 @@ def data_in(path):
     return json.loads(found)
 
 
-def seen(page):
+def seen(page, channels="RGB"):
     """The picture of the page on the pixels of the views, 0..255 (height, width, 3)."""
-    return decoded(page.evaluate("picture().toDataURL('image/png')"))
+    return decoded(page.evaluate("picture().toDataURL('image/png')"), channels)
 
 
-def decoded(address):
+def decoded(address, channels="RGB"):
     """The pixels of a picture that is its own address."""
     with PIL.Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))) as file:
-        return np.asarray(file.convert("RGB"), dtype=np.float64)
+        return np.asarray(file.convert(channels), dtype=np.float64)
 
 
 def settled(page):

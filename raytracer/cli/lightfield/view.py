@@ -1,4 +1,4 @@
-"""`rt lightfield view`: a page to focus and look around in."""
+"""`rt lightfield view`: a page to focus and look around in, or to go round what views look at."""
 
 import sys
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated
 
 from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
-from raytracer.cli.lightfield.base import File, Memory, Quiet, check_outputs, open_within
+from raytracer.cli.lightfield.base import File, Memory, Quiet, check_outputs, limit_memory, open_any
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -14,9 +14,11 @@ Examples:
   rt lightfield view outputs/array.lf                      writes outputs/array.html
   rt lightfield view outputs/array.lf -o array.html --size 10MB
   rt lightfield view outputs/night.lf --exposure +3
+  rt lightfield view around.lf -o around.html              views with poses of their own
 
 \b
 In a browser, a click focuses there, a drag looks around, and sliders focus (in metres) and open the aperture.
+Of views with poses of their own, a drag goes round what they look at, and the wheel comes nearer.
 """
 
 _UNITS = {"": 1, "b": 1, "kb": 1_000, "mb": 1_000_000, "gb": 1_000_000_000}
@@ -35,19 +37,25 @@ def view(
 ) -> None:
     """Write one page of HTML in which a light field is focused and looked around in.
 
-    The page holds all it shows, and works without a network.  What does not fit into its size is left out, and said:
-    first every second view of many, then pixels.
+    If its views have poses of their own, one goes round what they look at; render it with --aov depth.  The page holds
+    all it shows, and works without a network.  What does not fit into its size is left out, and said: first every
+    second view of many, then pixels.
     """
     path = Path("outputs", f"{Path(file).stem}.html") if output is None else output
     check_outputs([path], [".html", ".htm"], "a page")
     max_bytes = _bytes(size)
     ev = None if exposure is None else options.parse_value("--exposure", exposure, _ev)
 
-    from raytracer.lightfield.viewer.page import write_page
+    from raytracer.film.light_field.posed_field import PosedLightField
+    from raytracer.lightfield.viewer import page, posed_page
     from raytracer.util.progress import Bar
 
-    with open_within(file, memory) as field, Bar(" steps", quiet=quiet) as bar:
-        notes = write_page(path, field, title=Path(file).stem, size=max_bytes, exposure=ev, update=bar.update)
+    with limit_memory(memory), open_any(file) as field, Bar(" steps", quiet=quiet) as bar, options.name_in_errors(file):
+        title = Path(file).stem
+        if isinstance(field, PosedLightField):
+            notes = posed_page.write_page(path, field, title=title, size=max_bytes, exposure=ev, update=bar.update)
+        else:
+            notes = page.write_page(path, field, title=title, size=max_bytes, exposure=ev, update=bar.update)
     if not quiet:
         print(*notes, f"wrote {path}", sep="\n", file=sys.stderr)
 

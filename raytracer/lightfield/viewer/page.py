@@ -12,18 +12,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import FieldArrays, LightField
 from raytracer.lightfield.coverage import lit_view
 from raytracer.lightfield.depth.depth_map import depth_map
-from raytracer.lightfield.memory import require_memory
 from raytracer.lightfield.ray_binning import rays_to_views
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.lightfield.viewer.size_budget import (
+    BYTES_BESIDES_VIEWS,
     ViewPlan,
     choose_encoding,
     fit_to_size,
     plan_views,
     planned_views,
+    require_room,
     resize_view,
 )
 from raytracer.report import page as html
@@ -39,13 +40,7 @@ DEFAULT_BYTES = 40_000_000
 MIN_BYTES = 1_000_000
 """Bytes in which any light field can be shown."""
 
-
-# Bytes of all but the views: scripts, styles, the depth map, the still picture.
-_BYTES_BESIDES_VIEWS = 500_000
 _STILL_SIZE = 480
-
-# Bytes a pixel of all views while they are encoded, and when they are, without losses; and copies of the page's text.
-_PIXEL_BYTES, _CODED_BYTES, _PAGE_COPIES = 8, 6, 3
 
 
 class Page(NamedTuple):
@@ -92,11 +87,10 @@ def page(
         notes.append(note)
     views = field.views
     plan = plan_views(field)
-    needed = _PIXEL_BYTES * plan.pixels + _PAGE_COPIES * min(size, _BYTES_BESIDES_VIEWS + _CODED_BYTES * plan.pixels)
-    require_memory(needed, f"a page of {megabytes(size)}", "a smaller one, by --size, may take less")
+    require_room(plan, size)
     code, exposure = choose_encoding(planned_views(field, plan), len(plan.places), exposure)
-    plan, pictures, quality = fit_to_size(field, plan, code, size - _BYTES_BESIDES_VIEWS)
-    notes += _notes(field, plan, quality, size)
+    plan, pictures, quality, _ = fit_to_size(field, plan, code, size - BYTES_BESIDES_VIEWS)
+    notes += losses(field, plan, quality, size)
 
     # The part of each view's cell that the whole aperture covers.
     shares = cell_weights(field.views)
@@ -127,9 +121,9 @@ def page(
             {"at": views.position[place], "share": shares[place], "picture": picture}
             for place, picture in zip(plan.places, pictures, strict=True)
         ],
-        "still": _fallback_image(field, exposure),
+        "still": fallback_image(field, views.nearest(), exposure),
     }
-    return Page(html.page("lightfield", title, data), tuple(notes))
+    return Page(html.page("lightfield", title, data, parts=("view_textures",)), tuple(notes))
 
 
 def write_page(
@@ -153,7 +147,7 @@ def write_page(
     return made.notes
 
 
-def _notes(field: LightField, plan: ViewPlan, quality: int | None, size: int) -> list[str]:
+def losses(field: FieldArrays, plan: ViewPlan, quality: int | None, size: int) -> list[str]:
     """Write sentences about views and layers that the page leaves out."""
     views = field.views
     left_out = []
@@ -174,13 +168,13 @@ def _notes(field: LightField, plan: ViewPlan, quality: int | None, size: int) ->
     return notes
 
 
-def _fallback_image(field: LightField, exposure: float) -> str:
-    """Encode the view from the middle, for browsers without WebGL."""
-    view = resize_view(field.view(*field.views.nearest()), *_fit_within(field, _STILL_SIZE))
+def fallback_image(field: FieldArrays, place: tuple[int, int], exposure: float) -> str:
+    """Encode a view, for browsers without WebGL."""
+    view = resize_view(field.view(*place), *_fit_within(field, _STILL_SIZE))
     return html.jpeg(srgb.to_uint8(2.0**exposure * view))
 
 
-def _fit_within(field: LightField, longest: int) -> tuple[int, int]:
+def _fit_within(field: FieldArrays, longest: int) -> tuple[int, int]:
     """Compute the width and height of views that are reduced to so many pixels along the longer side."""
     width, height = field.views.width, field.views.height
     scale = min(1.0, longest / max(width, height))

@@ -7,7 +7,7 @@ brighter.
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -15,10 +15,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import FieldArrays
 from raytracer.lightfield.coverage import lit_view
+from raytracer.lightfield.memory import require_memory
 from raytracer.report import page as html
+from raytracer.report.wording import megabytes
 from raytracer.util import srgb
+
+BYTES_BESIDES_VIEWS = 500_000
+"""Bytes of all but the views: scripts, styles, geometry, the still picture."""
+
+# Bytes a pixel of all views while they are encoded, and when they are, without losses; and copies of the page's text.
+_PIXEL_BYTES, _CODED_BYTES, _PAGE_COPIES = 8, 6, 3
 
 _SHARE = 0.8
 """Share of the 8-bit codes that holds light up to white, where some is brighter."""
@@ -125,7 +133,7 @@ class ViewPlan:
         return len(self.rows) * len(self.columns) * self.width * self.height
 
 
-def plan_views(field: LightField) -> ViewPlan:
+def plan_views(field: FieldArrays) -> ViewPlan:
     """Plan all of the views, or as many and as large as WebGL and the memory of graphics cards hold."""
     views = field.views
     plan = ViewPlan(tuple(range(views.rows)), tuple(range(views.columns)), views.width, views.height)
@@ -133,6 +141,17 @@ def plan_views(field: LightField) -> ViewPlan:
     while len(plan.places) > _MOST_VIEWS:
         plan = _halve_views(plan)
     return _shrink_plan(plan, _MOST_PIXELS / plan.pixels) if plan.pixels > _MOST_PIXELS else plan
+
+
+def require_room(plan: ViewPlan, size: int) -> None:
+    """Refuse a page of `size` bytes that takes more memory than is given.
+
+    Raises
+    ------
+    InputError : it takes more.
+    """
+    needed = _PIXEL_BYTES * plan.pixels + _PAGE_COPIES * min(size, BYTES_BESIDES_VIEWS + _CODED_BYTES * plan.pixels)
+    require_memory(needed, f"a page of {megabytes(size)}", "a smaller one, by --size, may take less")
 
 
 def _shrink_plan(plan: ViewPlan, part: float) -> ViewPlan:
@@ -161,7 +180,7 @@ def _scale_plan(plan: ViewPlan, scale: float) -> ViewPlan:
     return replace(plan, width=max(1, int(scale * plan.width)), height=max(1, int(scale * plan.height)))
 
 
-def planned_views(field: LightField, plan: ViewPlan) -> Iterator[NDArray[np.float64]]:
+def planned_views(field: FieldArrays, plan: ViewPlan) -> Iterator[NDArray[np.float64]]:
     """Yield the views of a plan, in its size, one after the other."""
     for row, column in plan.places:
         yield resize_view(lit_view(field, row, column)[0], plan.width, plan.height)
@@ -180,20 +199,41 @@ def resize_view(view: NDArray[np.float64], width: int, height: int) -> NDArray[n
     return np.stack([np.asarray(channel, dtype=np.float64) for channel in channels], axis=-1)
 
 
+class FittedViews(NamedTuple):
+    """Views as they stand in a page.
+
+    plan : reduced where needed.
+    pictures : data URIs.
+    quality : of the pictures; None if they are lossless.
+    maps : what goes with the pictures: a data URI for each, or none at all.
+    """
+
+    plan: ViewPlan
+    pictures: Sequence[str]
+    quality: int | None
+    maps: Sequence[str]
+
+
 def fit_to_size(
-    field: LightField, plan: ViewPlan, code: Encoding, size: float
-) -> tuple[ViewPlan, Sequence[str], int | None]:
+    field: FieldArrays,
+    plan: ViewPlan,
+    code: Encoding,
+    size: float,
+    encode_maps: Callable[[ViewPlan], Sequence[str]] = lambda plan: (),
+) -> FittedViews:
     """Encode the views as data URIs of at most so many bytes together.
 
-    Returns the plan, reduced where needed, the URIs, and the quality; None if it is lossless.
+    encode_maps : encodes what goes with the views of a plan, as data URIs, without losses.
     """
     while True:
         coded = [code(view) for view in planned_views(field, plan)]
+        maps = encode_maps(plan)
+        taken = sum(map(len, maps))
         for quality in _QUALITIES:
-            pictures = _encode_within(coded, quality, size)
+            pictures = _encode_within(coded, quality, size - taken)
             if pictures is not None:
-                return plan, pictures, quality
-        estimate = _estimate_bytes(coded, _QUALITIES[-1])
+                return FittedViews(plan, pictures, quality, maps)
+        estimate = taken + _estimate_bytes(coded, _QUALITIES[-1])
         if max(plan.width, plan.height) <= _SMALLEST_SIDE:
             plan = _halve_views(plan)
         else:

@@ -20,7 +20,6 @@ const GRID = 16;
 // Planes along which a click is followed to what it hits.
 const PLANES = 256;
 const CLOSED = 0;
-const EV_RANGE = 8;
 
 // ---- places of the views ----
 
@@ -97,13 +96,6 @@ const depth = data.depth && (() => {
   return { ...data.depth, values: codes.map((value) => (value === 0 ? NaN : low + ((value - 1) / 65534) * (high - low))) };
 })();
 
-function bytesOf(base64) {
-  const text = atob(base64);
-  const bytes = new Uint8Array(text.length);
-  for (let place = 0; place < text.length; place++) bytes[place] = text.charCodeAt(place);
-  return bytes;
-}
-
 /* One over the distance at a place (0..1, right and down) of the map; NaN where it is not known. */
 function mapped(x, y) {
   const column = Math.min(depth.width - 1, Math.max(0, Math.floor(x * depth.width)));
@@ -173,22 +165,6 @@ const toggleSharp = () => choose({ opening: state.opening > CLOSED ? CLOSED : op
 
 const canvas = find("#picture");
 
-const VERTEX = `#version 300 es
-void main() { gl_Position = vec4(vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0), 0.0, 1.0); }`;
-
-/* The light that the 8 bits of a view stand for: those of sRGB up to a share of the codes, beyond that logarithms. */
-const DECODE = `#version 300 es
-precision highp float;
-uniform highp sampler2D view;
-uniform float share, peak;
-out vec4 light;
-vec3 linear(vec3 code) { return mix(pow((code + 0.055) / 1.055, vec3(2.4)), code / 12.92, lessThanEqual(code, vec3(0.04045))); }
-void main() {
-  vec3 code = texelFetch(view, ivec2(gl_FragCoord.xy), 0).rgb;
-  vec3 bright = exp2((code - share) / (1.0 - share) * log2(peak));
-  light = vec4(mix(linear(min(code / share, 1.0)), bright, greaterThan(code, vec3(share))), 1.0);
-}`;
-
 /* `list` has for each view how far it moves, right and down in pictures per 1/m, its weight and its layer. */
 const DRAW = `#version 300 es
 precision highp float;
@@ -199,6 +175,7 @@ uniform int count;
 uniform vec2 size;
 uniform float defocus, gain;
 out vec4 shown;
+${ENCODE}
 void main() {
   vec2 at = vec2(gl_FragCoord.x, size.y - gl_FragCoord.y) / size;
   vec3 sum = vec3(0.0);
@@ -210,103 +187,29 @@ void main() {
     sum += entry.z * texture(views, vec3(place, entry.w)).rgb;
     weight += entry.z;
   }
-  vec3 light = clamp(gain * sum / max(weight, 1e-20), 0.0, 1.0);
-  vec3 code = mix(1.055 * pow(light, vec3(1.0 / 2.4)) - 0.055, 12.92 * light, lessThanEqual(light, vec3(0.0031308)));
-  shown = weight > 0.0 ? vec4(code, 1.0) : vec4(0.0);
+  shown = weight > 0.0 ? vec4(encode(gain * sum / max(weight, 1e-20)), 1.0) : vec4(0.0);
 }`;
 
-class Trouble extends Error {}
-
-/* The views as layers of a texture in linear light, and what draws them. */
+/* What draws the views. */
 class Painter {
   constructor() {
-    const gl = (this.gl = canvas.getContext("webgl2", { antialias: false, depth: false, alpha: true }));
-    if (!gl) throw new Trouble("This browser has no WebGL 2, which focusing and looking around need.");
-    if (gl.isContextLost()) throw new Trouble("This browser's WebGL has stopped; load the page again to focus and look around.");
-    this.ldr = code.peak <= 1;
-    // Views brighter than white are drawn into the texture, which takes one of these.
-    if (!this.ldr && !gl.getExtension("EXT_color_buffer_float") && !gl.getExtension("EXT_color_buffer_half_float")) {
-      throw new Trouble("This browser's WebGL cannot hold light beyond white, which this light field has.");
-    }
-    const most = Math.min(gl.getParameter(gl.MAX_TEXTURE_SIZE), gl.getParameter(gl.MAX_3D_TEXTURE_SIZE));
-    if (Math.max(width, height) > most || views.length > gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS)) {
-      throw new Trouble(`This browser's WebGL holds no more than ${most} pixels in a row: too few for these views.`);
-    }
-    gl.pixelStorei(gl.UNPACK_COLORSPACE_CONVERSION_WEBGL, gl.NONE);
-    gl.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
-
-    this.draws = this.#program(DRAW);
-    this.views = this.#texture(gl.TEXTURE_2D_ARRAY, gl.LINEAR);
-    gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, this.ldr ? gl.SRGB8_ALPHA8 : gl.RGBA16F, width, height, views.length);
-    this.list = this.#texture(gl.TEXTURE_2D, gl.NEAREST);
+    const gl = (this.gl = webglOf(canvas, "focusing and looking around"));
+    this.draws = programOf(gl, DRAW);
+    this.views = new ViewTextures(gl, width, height, views.length, code);
+    this.list = textureOf(gl, gl.TEXTURE_2D, gl.NEAREST);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32F, views.length, 1);
-    if (!this.ldr) {
-      this.decodes = this.#program(DECODE);
-      this.coded = this.#texture(gl.TEXTURE_2D, gl.NEAREST);
-      gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, width, height);
-      this.target = gl.createFramebuffer();
-    }
     if (gl.getError() === gl.OUT_OF_MEMORY) throw new Trouble("The graphics memory of this device does not hold these views.");
-    this.there = new Set();
-  }
-
-  #program(fragment) {
-    const gl = this.gl;
-    const program = gl.createProgram();
-    for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, fragment]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, source);
-      gl.compileShader(shader);
-      gl.attachShader(program, shader);
-    }
-    gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
-      throw new Trouble("This browser's WebGL does not take the page's shaders.");
-    }
-    return { program, place: (name) => gl.getUniformLocation(program, name) };
-  }
-
-  #texture(kind, filter) {
-    const gl = this.gl;
-    const texture = gl.createTexture();
-    gl.bindTexture(kind, texture);
-    for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(kind, side, filter);
-    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(kind, side, gl.CLAMP_TO_EDGE);
-    return texture;
-  }
-
-  /* Take a view's picture. */
-  put(number, picture) {
-    const gl = this.gl;
-    if (this.ldr) {
-      gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.views);
-      gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, number, width, height, 1, gl.RGBA, gl.UNSIGNED_BYTE, picture);
-    } else {
-      gl.activeTexture(gl.TEXTURE0);
-      gl.bindTexture(gl.TEXTURE_2D, this.coded);
-      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, picture);
-      gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
-      gl.framebufferTextureLayer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, this.views, 0, number);
-      gl.viewport(0, 0, width, height);
-      gl.useProgram(this.decodes.program);
-      gl.uniform1i(this.decodes.place("view"), 0);
-      gl.uniform1f(this.decodes.place("share"), code.share);
-      gl.uniform1f(this.decodes.place("peak"), code.peak);
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
-      gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    }
-    this.there.add(number);
   }
 
   draw(weights) {
     const gl = this.gl;
-    const rows = views.flatMap(({ at }, number) => (weights[number] > 0 && this.there.has(number)
+    const rows = views.flatMap(({ at }, number) => (weights[number] > 0 && this.views.there.has(number)
       ? [[at[0] / (pixel * width), -at[1] / (pixel * height), weights[number], number]] : []));
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, this.list);
     if (rows.length) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, rows.length, 1, gl.RGBA, gl.FLOAT, new Float32Array(rows.flat()));
     gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.views);
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.views.layers);
     gl.viewport(0, 0, width, height);
     gl.useProgram(this.draws.program);
     gl.uniform1i(this.draws.place("views"), 0);
@@ -325,7 +228,7 @@ let frame = null;
 
 function paint() {
   frame = null;
-  if (painter === null || painter.there.size === 0 || painter.gl.isContextLost()) return;
+  if (painter === null || painter.views.there.size === 0 || painter.gl.isContextLost()) return;
   painter.draw(weights);
   document.body.dataset.shown = addressOf();
 }
@@ -333,73 +236,18 @@ function paint() {
 /* The picture as it is, on the pixels of the views, in a canvas of its own. */
 function picture() {
   paint();
-  const copy = make("canvas", { width, height });
-  copy.getContext("2d", { willReadFrequently: true }).drawImage(canvas, 0, 0);
-  return copy;
+  return copyOf(canvas);
 }
 
-function save() {
-  picture().toBlob((blob) => {
-    const link = make("a", { href: URL.createObjectURL(blob), download: `${data.name}.png` });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
-  });
-}
+const save = () => saveAs(picture(), data.name);
 
 // ---- loading ----
 
-function fail(text) {
-  painter = null;
-  find("#trouble").hidden = false;
-  find("#trouble").textContent = `${text} Shown is the view from the middle.`;
-  find("#loading").hidden = true;
-  canvas.replaceWith(make("img", { id: "still", src: data.still, alt: "the light field from the middle" }));
-  find("#camera").hidden = true;
-  find("#help").hidden = find("#keys").hidden = true;
-  document.body.dataset.failed = "";
-}
-
 /* Decode all views, those nearest to the middle first, into a texture. */
 async function load() {
-  try {
-    painter = new Painter();
-  } catch (error) {
-    if (!(error instanceof Trouble)) throw error;
-    fail(error.message);
-    return;
-  }
-  const mine = painter;
   const away = ({ at }) => Math.hypot(...at.map((place, axis) => (extent[axis] ? place / extent[axis] : 0)));
   const order = views.map((_, number) => number).sort((a, b) => away(views[a]) - away(views[b]));
-  const [bar, words] = [find("#loading progress"), find("#loading span")];
-  bar.max = views.length;
-  find("#loading").hidden = false;
-  const decode = (number) => {
-    const [head, content] = views[number].picture.split(",");
-    const blob = new Blob([bytesOf(content)], { type: /data:(.*?);/.exec(head)[1] });
-    return createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
-  };
-  const ahead = 4;
-  const coming = order.slice(0, ahead).map(decode);
-  for (const [place, number] of order.entries()) {
-    if (place + ahead < order.length) coming.push(decode(order[place + ahead]));
-    let bitmap;
-    try {
-      bitmap = await coming.shift();
-    } catch {
-      fail("The views in this page cannot be read by this browser.");
-      return;
-    }
-    if (mine !== painter || mine.gl.isContextLost()) return;
-    mine.put(number, bitmap);
-    bitmap.close();
-    bar.value = place + 1;
-    words.textContent = `${place + 1} of ${views.length} views`;
-    if (place === 0 || (place + 1) % 8 === 0) update();
-  }
-  find("#loading").hidden = true;
-  update();
-  document.body.dataset.views = String(views.length);
+  await loadOnto(() => (painter = new Painter()), order, (number) => [views[number].picture], (mine, number, picture) => mine.views.put(number, picture));
 }
 
 canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
@@ -499,7 +347,7 @@ const sliderOf = (w) => (1000 * (data.nearest - w)) / (data.nearest - data.farth
 function showControls() {
   tell("focus", sliderOf(state.w), distanceText(state.w));
   tell("aperture", 100 * state.opening, apertureText());
-  tell("exposure", state.ev, `${state.ev > 0 ? "+" : ""}${state.ev} EV`);
+  tell("exposure", state.ev, evText(state.ev));
   find("#pupil output").textContent = eyeText();
   find("#shape select").value = state.shape;
   find("#sharp").setAttribute("aria-pressed", String(state.opening <= CLOSED));
@@ -620,14 +468,13 @@ document.addEventListener("keydown", (event) => {
 
 // ---- the address ----
 
-const rounded = (value, digits = 5) => String(Number(value.toPrecision(digits)));
 // Lengths across are written in mm where they are known.
 const SCALE = metric ? 1000 : 1;
 
 function addressOf() {
-  const focus = !metric ? rounded(state.w) : state.w <= 1e-9 ? "inf" : rounded(1 / state.w);
-  const eye = state.eye.map((place) => rounded(Math.abs(place) < 1e-6 * span ? 0 : SCALE * place, 4));
-  return [`focus=${focus}`, `aperture=${rounded(state.opening, 3)}`, `from=${eye.join(",")}`, `ev=${state.ev}`,
+  const focus = !metric ? roundedNumber(state.w) : state.w <= 1e-9 ? "inf" : roundedNumber(1 / state.w);
+  const eye = state.eye.map((place) => roundedNumber(Math.abs(place) < 1e-6 * span ? 0 : SCALE * place, 4));
+  return [`focus=${focus}`, `aperture=${roundedNumber(state.opening, 3)}`, `from=${eye.join(",")}`, `ev=${state.ev}`,
     ...(flat || alone ? [] : [`shape=${state.shape}`])].join("&");
 }
 
@@ -636,15 +483,14 @@ const writeAddress = addressWriter(addressOf);
 /* Set the state that the address holds; the rest stays. */
 function readAddress() {
   const said = new URLSearchParams(location.hash.slice(1));
-  const number = (text) => (text === null || text.trim() === "" ? NaN : Number(text));
   const chosen = {};
-  const focus = said.get("focus") === "inf" && metric ? Infinity : number(said.get("focus"));
+  const focus = said.get("focus") === "inf" && metric ? Infinity : numberIn(said.get("focus"));
   if (!Number.isNaN(focus) && (!metric || focus > 0)) chosen.w = metric ? 1 / focus : focus;
-  const opening = number(said.get("aperture"));
+  const opening = numberIn(said.get("aperture"));
   if (opening >= 0 && opening <= 1) chosen.opening = opening;
-  const eye = (said.get("from") ?? "").split(",").map(number);
+  const eye = (said.get("from") ?? "").split(",").map(numberIn);
   if (eye.length === 2 && eye.every(Number.isFinite)) chosen.eye = eye.map((place) => place / SCALE);
-  const ev = number(said.get("ev"));
+  const ev = numberIn(said.get("ev"));
   if (Number.isFinite(ev)) chosen.ev = Math.min(data.exposure + EV_RANGE, Math.max(data.exposure - EV_RANGE, ev));
   if (["round", "square"].includes(said.get("shape")) && !flat) chosen.shape = said.get("shape");
   choose(chosen);
@@ -660,17 +506,10 @@ function update() {
   writeAddress();
 }
 
-find("#name").textContent = data.name;
-find("#extent").textContent = data.extent;
-find("#notes").replaceChildren(...data.notes.map((note) => make("p", { class: "warning" }, note)));
-canvas.width = width;
-canvas.height = height;
+// Beyond four screen pixels for each of theirs small views are enlarged no more, unless they are very small.
+const stage = fillStage(width, height, Math.max(4 * width, 640));
 sliders.exposure.min = String(data.exposure - EV_RANGE);
 sliders.exposure.max = String(data.exposure + EV_RANGE);
-const stage = find("#stage");
-stage.style.setProperty("--shape", String(width / height));
-// Beyond four screen pixels for each of theirs small views are enlarged no more, unless they are very small.
-stage.style.setProperty("--wide", `${Math.max(4 * width, 640)}px`);
 stage.classList.toggle("pixels", 4 * width < 640);
 stage.classList.toggle("still", alone);
 const [nearEnd, farEnd] = find("#focus .ends").children;
