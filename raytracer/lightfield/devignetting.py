@@ -45,7 +45,8 @@ def white_scene(spec: SceneSpec) -> SceneSpec:
     ------
     InputError : the camera has no views, or cannot focus.
     """
-    if spec.camera.layout(spec.film.width, spec.film.height) is None:
+    layout = spec.camera.layout(spec.film.width, spec.film.height)
+    if layout is None or layout.views.rows * layout.views.columns == 1:
         raise InputError("a white picture is of a camera with microlenses, or with many views: this one has no views")
     camera: Any = spec.camera
     if camera.focused_object() is not None or camera.focused_place() is not None:

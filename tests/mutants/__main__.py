@@ -210,7 +210,9 @@ class Laboratory:
             faulty.unlink()
             faulty.write_text(seed_fault(fault, self._sources[module]), encoding="utf-8")
             # A fault in packages without kernels leaves those of the checkout as they are.
-            cache = Path(place) / "cache" if module.relative_to(PACKAGE).parts[0] in WITH_KERNELS else None
+            dotted = ".".join(module.relative_to(PACKAGE).parts)
+            has_kernels = any(dotted.startswith(f"{name}.") for name in WITH_KERNELS)
+            cache = Path(place) / "cache" if has_kernels else None
             try:
                 found = self._try_tests(checkout, fault.tests, cache, NEAR_SECONDS)
                 if found is None and self._whole:

@@ -6,7 +6,6 @@ from typing import Annotated
 from raytracer.cli.base import options
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield import base
-from raytracer.film.light_field.lf import SUFFIX
 
 EXAMPLE = """\b
 Examples:
@@ -32,6 +31,8 @@ def white(
 
     With the seed and the spp of the scene's own picture both take the same rays, so that dividing adds no noise.
     """
+    from raytracer.film.light_field.lf import SUFFIX
+
     wanted = given.parse()
     spec = options.load_scene(scene, define, allow_files, options.parse_sizing(size, scale))
     base.check_outputs(output, (*base.picture_suffixes(), SUFFIX), "a white picture")

@@ -20,7 +20,7 @@ from raytracer.util.errors import InputError
 _PACKAGE = Path(__file__).parents[2]
 
 # Packages with kernels: an edit of any other leaves the compiled kernels valid.
-WITH_KERNELS = ("core", "kernel", "optics", "plugins")
+WITH_KERNELS = ("core", "kernel", "lightfield.kernels", "optics", "plugins")
 
 _MAX_FOLDERS = 4
 
@@ -31,7 +31,7 @@ _AVX_OFF = ("corei7-avx", "core-avx-i", "sandybridge", "ivybridge")
 def _source_hash() -> str:
     """Hash the kernels' sources, since Numba does not notice an edited callee, and the compilers' versions."""
     versions = [_version_text(name) for name in ("numba", "llvmlite")]
-    return source_hash(*(_PACKAGE / name for name in WITH_KERNELS), versions=versions)[:16]
+    return source_hash(*(_PACKAGE.joinpath(*name.split(".")) for name in WITH_KERNELS), versions=versions)[:16]
 
 
 def _version_text(package: str) -> str:

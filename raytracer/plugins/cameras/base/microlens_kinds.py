@@ -7,7 +7,6 @@ import math
 from typing import Any, NamedTuple
 
 from raytracer.core.sampling import sample_2d
-from raytracer.film.light_field.lenslet_kinds import COUNT
 from raytracer.film.light_field.lenslets import Lenslets
 from raytracer.plugins.cameras.base import interface
 from raytracer.plugins.cameras.base.light_field_camera import MicrolensBlur, sample_cell, sample_microlens
@@ -35,7 +34,7 @@ def sample_microlens_microlens_kinds(spread, grid, middle_x, middle_y, draws):
     from_x, from_y = middle_x - lattice.x, middle_y - lattice.y
     column = math.floor(lattice.i_x * from_x + lattice.i_y * from_y + 0.5)
     row = math.floor(lattice.j_x * from_x + lattice.j_y * from_y + 0.5)
-    blur = spread.blurs[int(column - row) % COUNT]
+    blur = spread.blurs[int(column - row) % len(spread.blurs)]
     return x, y, -blur * x, -blur * y
 
 
