@@ -22,6 +22,8 @@ SIZES = {
     # Of one view, which is then the middle, as which points are seen.
     "camera_array": {"rows": 1, "columns": 1, "spacing": 0.1},
     "light_slab": {"rows": 1, "columns": 1, "uv": 0.1, "st": [4, 3]},
+    "camera_box": {"rows": 1, "columns": 1, "size": 4, "faces": ["front"]},
+    "camera_sphere": {"rows": 1, "columns": 1},
     "light_field": {"focal_length": 50, "f_number": 4},
     "orthographic": {"height": 4},
     "lens": {"lens": str(SCENES / "lenses" / "double-gauss-50mm.yaml"), "f_number": 8, "dispersion": False},
