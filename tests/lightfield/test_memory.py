@@ -8,6 +8,8 @@ import pytest
 
 from raytracer.cli.base.app import main
 from raytracer.film.light_field.lf import write
+from raytracer.lightfield.decoding.calibration import find_grid
+from raytracer.lightfield.decoding.decoder import decode
 from raytracer.lightfield.depth.depth_map import depth_map
 from raytracer.lightfield.memory import memory_limit
 from raytracer.lightfield.refocusing.refocus import focal_stack, iterate_focal_stack
@@ -15,6 +17,7 @@ from raytracer.lightfield.super_resolution import supersampled
 from raytracer.lightfield.views.contact_sheet import montage
 from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, views, waves
+from tests.lightfield.lenslet_pictures import Camera, lattice
 
 DISTANCES = np.linspace(1.5, 4.0, 24).tolist()
 
@@ -63,6 +66,16 @@ def test_depth_compares_as_many_planes_as_fit(field):
         assert np.array_equal(depth().inverse, depth_map(field, near=1.2, far=5.0, threads=1).inverse)
 
 
+@pytest.mark.parametrize("threads", [1, 8])
+def test_depth_and_its_refinement_keep_to_their_estimate(field, threads):
+    # The sweep takes what there is, so the least that is accepted is what refinement takes.
+    def depth():
+        return depth_map(field, near=1.2, far=5.0, threads=threads)
+
+    estimate = next(size for size in range(500_000, 40_000_000, 250_000) if fits(depth, size))
+    assert peak_of(depth, estimate) <= estimate
+
+
 def test_what_cannot_be_done_in_parts_keeps_to_its_own_estimate(field):
     found = depth_map(field, method="slopes", near=1.2, far=5.0, threads=2)
     needed = {"super-resolution 2": lambda: supersampled(field, 2, found, threads=2), "montage": lambda: montage(field)}
@@ -83,6 +96,37 @@ def fits(work: Callable[[], object], size: int) -> bool:
     return True
 
 
+@pytest.mark.parametrize(
+    ("pitch", "colours", "dark", "bayer", "knows_grid"),
+    [
+        (9.3, False, False, None, False),
+        (4.6, True, True, None, False),
+        (9.3, False, False, None, True),
+        (9.3, True, True, None, True),
+        (9.3, False, False, "rggb", True),
+        (4.6, False, True, "rggb", True),
+    ],
+)
+def test_decoding_keeps_to_its_own_estimate(tmp_path, pitch, colours, dark, bayer, knows_grid):
+    white = Camera(lattice(pitch, 0.7, (5.3, 4.1)), 400, 300).picture(supersampling=1).astype(np.float32)
+    grid = find_grid(white) if knows_grid else None
+    if colours:
+        white = white[..., None] * np.array([0.5, 1.0, 0.7], np.float32)
+    names = {name: str(tmp_path / f"{name}.npy") for name in ("raw", "white", "dark")}
+    for name, share in (("raw", 0.7), ("white", 1.0), ("dark", 0.01)):
+        np.save(names[name], share * white)
+
+    def work() -> None:
+        decoded = decode(names["raw"], names["white"], dark=names["dark"] if dark else None, grid=grid, bayer=bayer)
+        decoded.write(tmp_path / "out.lf")
+
+    with memory_limit(10_000), pytest.raises(InputError, match=r"memory: decoding .*raw.npy, 400 x 300 pixels, takes"):
+        work()
+    estimate = next(size for size in range(500_000, 100_000_000, 500_000) if fits(work, size))
+    peak = peak_of(work, estimate)
+    assert peak <= estimate < 3.0 * peak
+
+
 def test_commands_keep_to_the_memory_that_they_are_given(field, tmp_path, capsys):
     file = tmp_path / "field.lf"
     write(file, field)
@@ -101,5 +145,12 @@ def test_commands_keep_to_the_memory_that_they_are_given(field, tmp_path, capsys
         assert "memory" in said
         assert "0.0001 GB are given" in said
         assert not output.exists()
+    raw, output = tmp_path / "raw.npy", tmp_path / "raw.lf"
+    np.save(raw, Camera(lattice(9.3, 0.7, (5.3, 4.1)), 400, 300).picture(supersampling=1).astype(np.float32))
+    assert main(["lightfield", "decode", str(raw), "-o", str(output), "--memory", "100kB", "--quiet"]) == 2
+    said = capsys.readouterr().err
+    assert "raw.npy, 400 x 300 pixels, takes 0.0" in said
+    assert "0.0001 GB are given; pictures of which" in said
+    assert not output.exists()
     assert main(["lightfield", "depth", str(file), "--memory", "much"]) == 2
     assert "--memory much: must be an amount of memory such as 2GB" in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """`rt lightfield decode`: raw pictures of cameras with microlenses."""
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -9,7 +10,7 @@ from typer import Argument, Option
 from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, report_written
-from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
+from raytracer.cli.lightfield.base import Memory, Quiet, check_outputs, limit_memory, parse_positive
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -82,6 +83,7 @@ def decode(
         Literal["camera", "white"],
         Option(help="Of a .lfp or .lfr file: by the camera's gains and matrix, or with WHITE's colour as white."),
     ] = "camera",
+    memory: Memory = "2GB",
     as_json: options.AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -119,11 +121,11 @@ def decode(
         for option, value in (("--dark", dark), ("--bayer", bayer), ("--srgb", srgb or None)):
             if value is not None:
                 raise InputError(f"{option}: {raw} is a container, whose metadata say that")
-        light_field = decode_photo(raw, white, grid=known, views=views, colors=colors, optics=optics)
+        make = partial(decode_photo, colors=colors)
     else:
-        light_field = decode_picture(
-            raw, white, dark=dark, grid=known, bayer=bayer, views=views, srgb=srgb, optics=optics
-        )
+        make = partial(decode_picture, dark=dark, bayer=bayer, srgb=srgb)
+    with limit_memory(memory):
+        light_field = make(raw, white, grid=known, views=views, optics=optics)
     for note in () if quiet else light_field.notes:
         print(f"note: {note}", file=sys.stderr)
     if output is not None:

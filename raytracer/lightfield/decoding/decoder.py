@@ -20,6 +20,7 @@ from raytracer.film.light_field.resampling import ResampledView, Resampler
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.calibrating.camera import CameraModel
 from raytracer.lightfield.decoding.calibration import find_grid
+from raytracer.lightfield.decoding.memory_needs import require_decoding, require_views
 from raytracer.lightfield.decoding.microlens_grid import Grid, Optics
 from raytracer.lightfield.decoding.raw_image import (
     LEAST_LIGHT,
@@ -184,7 +185,8 @@ def decode(
 
     Raises
     ------
-    InputError : files are missing or broken, sizes differ, no grid is found, or numbers make no sense.
+    InputError : files are missing or broken, sizes differ, no grid is found, numbers make no sense, or it takes more
+        memory than is given.
     """
     names = {kind: source_name(source, kind) for kind, source in (("raw", raw), ("white", white), ("dark", dark))}
     notes: list[str] = []
@@ -192,6 +194,14 @@ def decode(
     height, width = picture.shape[:2]
     if bayer is not None:
         bayer = check_bayer(bayer, picture, names["raw"])
+    require_decoding(
+        names["raw"],
+        picture.shape,
+        has_dark=dark is not None,
+        is_mosaic=bayer is not None,
+        in_memory=not isinstance(raw, str | Path),
+        finds_grid=grid is None,
+    )
     background = None if dark is None else check_fits(read_raw(dark, names["dark"], srgb), picture, names, "dark")
     picture = subtract_dark(picture, background)
 
@@ -247,6 +257,8 @@ def _make_decoded(
         resampler = Resampler(grid.lattice, width, height, count=number)
     except ValueError as error:
         raise InputError(f"{name}: {error}") from None
+    kept = picture.nbytes + (0 if weight is None else weight.nbytes)
+    require_views(name, kept, number, resampler.width, resampler.height)
     camera = optics if isinstance(optics, CameraModel) else None
     nominal = Optics() if isinstance(optics, CameraModel) else optics
     try:

@@ -35,7 +35,7 @@ from raytracer.lightfield.depth.estimate import (
     view_offsets,
 )
 from raytracer.lightfield.depth.plane_sweep import sweep_planes
-from raytracer.lightfield.depth.refinement import refine
+from raytracer.lightfield.depth.refinement import refine, require_refinement
 from raytracer.lightfield.depth.reliability import confidence_of, standard_error
 from raytracer.lightfield.depth.structure_tensor import measure_slopes
 from raytracer.util.errors import InputError
@@ -149,6 +149,8 @@ def depth_map(
     count = threads or os.cpu_count() or 1
     with ThreadPoolExecutor(count) as pool:
         context = DepthContext(field, middle, pool, count, counter)
+        # What comes last is refused first, and not after all that goes before.
+        require_refinement(context)
         bounds = search_bounds(context, others, near, far)
         compared = _select_views(field.views, middle)
         estimates: list[Estimate] = []

@@ -40,16 +40,21 @@ class Refined(NamedTuple):
     jump: FloatArray
 
 
-def refine(
-    context: DepthContext, others: Sequence[ViewIndex], inverse: FloatArray, bounds: tuple[float, float]
-) -> Refined:
-    """Refine 1 / distance (1/m), height x width, with the views `others`; `bounds` are its least and greatest value.
+def require_refinement(context: DepthContext) -> None:
+    """Refuse what `refine` would take more memory for than is given.
 
-    Raises InputError: it takes more memory than is given.
+    Raises InputError: it does.
     """
     views = context.field.views
     size = views.width * views.height * (_FIXED_BYTES + _THREAD_BYTES * context.threads)
     require_memory(size, f"depth of {views.width} x {views.height} pixels", "fewer threads take less")
+
+
+def refine(
+    context: DepthContext, others: Sequence[ViewIndex], inverse: FloatArray, bounds: tuple[float, float]
+) -> Refined:
+    """Refine 1 / distance (1/m), height x width, with the views `others`; `bounds` are its least and greatest value."""
+    views = context.field.views
     spacing = median_spacing(views)
     scale = spacing / views.plane.pixel
     places = view_offsets(views, context.reference) / spacing
