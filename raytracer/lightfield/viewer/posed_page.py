@@ -45,6 +45,9 @@ _FINER = 2
 
 _LONGEST_PICTURE = 1280
 
+_LONGEST_VIEW = 512
+"""Pixels of a view along its longer side: surfaces of 16 views, at 36 bytes a pixel, take 150 MB of a graphics card."""
+
 
 def page(
     field: PosedLightField,
@@ -79,7 +82,7 @@ def page(
     if not has_depth:
         # Nothing can be drawn without depth or a point to put a plane through.
         plane_depth(field, Pose.of(views.pose[start]), None)
-    plan = plan_views(field)
+    plan = plan_views(field, _LONGEST_VIEW)
     require_room(plan, size)
     code, exposure = choose_encoding(planned_views(field, plan), len(plan.places), exposure)
     depths = _Depths(layer_depth(field), update) if has_depth else None
@@ -113,7 +116,7 @@ def page(
         "views": _views(field, fitted, depths),
         "still": fallback_image(field, start, exposure),
     }
-    return Page(html.page("posed_lightfield", title, data, parts=("view_textures",)), tuple(notes))
+    return Page(html.page("posed_lightfield", title, data, parts=("view_textures", "posed_shaders")), tuple(notes))
 
 
 def write_page(
