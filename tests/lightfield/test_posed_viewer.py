@@ -9,8 +9,8 @@ from axe_playwright_python import sync_playwright as axe
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.lightfield.viewer.posed_page import page as page_of
-from raytracer.lightfield.viewer.posed_page import write_page
 from raytracer.lightfield.views.unstructured import view_from
+from raytracer.plugins.cameras.camera_box import CameraBox
 from raytracer.plugins.cameras.camera_sphere import CameraSphere
 from raytracer.util import srgb
 from raytracer.util.errors import InputError
@@ -37,7 +37,7 @@ def opened(open_page, tmp_path):
 
     def opened(shown, fragment="", size=(900, 600), **settings):
         path = tmp_path / "page.html"
-        write_page(path, shown, **settings)
+        page_of(shown, **settings).write(path)
         page = open_page(path, fragment, size)
         page.locator("body[data-views][data-shown]").wait_for()
         return page
@@ -141,6 +141,16 @@ def test_a_drag_goes_round_and_a_wheel_comes_nearer(opened, field):
     assert 0.99 < state(page, "from")[1] / np.linalg.norm(state(page, "from")) < 1.0
     canvas.press("Home")
     assert state(page, "from") == pytest.approx(start)
+
+
+def test_it_begins_with_a_level_view(tmp_path):
+    """Of a box of cameras, not with that which looks down from its top."""
+    keys = {"rows": 1, "columns": 1, "size": (4, 4, 4), "look_from": (0, 0, 1), "look_at": (0, 0, 0), "vfov": 60}
+    path = tmp_path / "page.html"
+    page_of(captured(CameraBox.model_validate({**keys, "faces": ("top", "bottom", "left")}))).write(path)
+    data = data_in(path)
+    sight = np.subtract(data["start"]["toward"], data["start"]["from"])
+    assert data["up"] @ sight == pytest.approx(0.0, abs=1e-9)
 
 
 def test_two_fingers_pinch(opened, field):

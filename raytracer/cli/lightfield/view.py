@@ -53,9 +53,10 @@ def view(
     with limit_memory(memory), open_any(file) as field, Bar(" steps", quiet=quiet) as bar, options.name_in_errors(file):
         title = Path(file).stem
         if isinstance(field, PosedLightField):
-            notes = posed_page.write_page(path, field, title=title, size=max_bytes, exposure=ev, update=bar.update)
+            made = posed_page.page(field, title=title, size=max_bytes, exposure=ev, update=bar.update)
         else:
-            notes = page.write_page(path, field, title=title, size=max_bytes, exposure=ev, update=bar.update)
+            made = page.page(field, title=title, size=max_bytes, exposure=ev, update=bar.update)
+        notes = made.write(path)
     if not quiet:
         print(*notes, f"wrote {path}", sep="\n", file=sys.stderr)
 

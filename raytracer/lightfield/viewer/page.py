@@ -53,6 +53,11 @@ class Page(NamedTuple):
     html: bytes
     notes: tuple[str, ...]
 
+    def write(self, path: str | Path) -> tuple[str, ...]:
+        """Write the page to a file, and return its notes; an OutputError says that this fails."""
+        write_bytes(path, self.html)
+        return self.notes
+
 
 def page(
     field: LightField,
@@ -142,9 +147,7 @@ def write_page(
     ValueError : as `page`.
     OutputError : the file cannot be written.
     """
-    made = page(field, title=title, size=size, exposure=exposure, update=update)
-    write_bytes(path, made.html)
-    return made.notes
+    return page(field, title=title, size=size, exposure=exposure, update=update).write(path)
 
 
 def losses(field: FieldArrays, plan: ViewPlan, quality: int | None, size: int) -> list[str]:

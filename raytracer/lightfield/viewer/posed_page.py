@@ -4,7 +4,7 @@ The page holds the views and their depth, and a graphics card draws the picture 
 `raytracer.lightfield.views.unstructured` does.
 """
 
-from pathlib import Path
+import math
 from typing import Any
 
 import numpy as np
@@ -24,10 +24,9 @@ from raytracer.lightfield.viewer.size_budget import (
     planned_views,
     require_room,
 )
-from raytracer.lightfield.views.free_camera import free_camera
+from raytracer.lightfield.views.free_camera import Point, free_camera
 from raytracer.lightfield.views.view_surfaces import DEPTH_LAYER, DepthOfView, layer_depth, plane_depth
 from raytracer.report import page as html
-from raytracer.util.atomic_write import write_bytes
 from raytracer.util.progress import Update, report_progress
 
 FloatArray = NDArray[np.float64]
@@ -44,6 +43,12 @@ _FINER = 2
 """Pixels of the picture for each of a view, in a row and in a column, so that one can come nearer."""
 
 _LONGEST_PICTURE = 1280
+
+_LEVEL = math.sin(math.radians(45.0))
+"""Sine of the angle up or down within which a view counts as level."""
+
+_LONGEST_VIEW = 512
+"""Pixels of a view along its longer side: surfaces of 16 views, at 36 bytes a pixel, take 150 MB of a graphics card."""
 
 
 def page(
@@ -73,13 +78,14 @@ def page(
     if size < MIN_BYTES:
         raise ValueError(f"a page has at least {MIN_BYTES} bytes, got {size}")
     views = field.views
-    start = views.rows // 2, views.columns // 2
+    up = _up(views)
+    start = _start_view(views, up)
     focus = _place_looked_at(views)
     has_depth = DEPTH_LAYER in field.layers
     if not has_depth:
         # Nothing can be drawn without depth or a point to put a plane through.
         plane_depth(field, Pose.of(views.pose[start]), None)
-    plan = plan_views(field)
+    plan = plan_views(field, _LONGEST_VIEW)
     require_room(plan, size)
     code, exposure = choose_encoding(planned_views(field, plan), len(plan.places), exposure)
     depths = _Depths(layer_depth(field), update) if has_depth else None
@@ -90,7 +96,9 @@ def page(
     if not has_depth:
         notes.append("Nothing is known of its depth: surfaces are taken for a plane, and edges are doubled.")
     center = views.pose[..., 0, :].mean(axis=(0, 1)) if focus is None else focus
-    camera = free_camera(*_start(views, start, focus), views, up=_up(views))
+    eye, ahead = views.pose[start][0], views.pose[start][3]
+    ends = _point(eye), _point(eye + ahead if focus is None else focus)
+    camera = free_camera(*ends, views, up=up)
     finer = max(1.0, min(_FINER, _LONGEST_PICTURE / max(views.width, views.height)))
     data = {
         "name": title,
@@ -104,37 +112,12 @@ def page(
         "center": center,
         "reach": views.farthest(center),
         "inward": focus is not None,
-        "up": _up(views),
-        "start": {
-            "from": camera.pose.origin,
-            "toward": _start(views, start, focus)[1],
-            "vfov": 2.0 * np.degrees(np.arctan(camera.plane.top)),
-        },
+        "up": up,
+        "start": {"from": ends[0], "toward": ends[1], "vfov": 2.0 * np.degrees(np.arctan(camera.plane.top))},
         "views": _views(field, fitted, depths),
         "still": fallback_image(field, start, exposure),
     }
-    return Page(html.page("posed_lightfield", title, data, parts=("view_textures",)), tuple(notes))
-
-
-def write_page(
-    path: str | Path,
-    field: PosedLightField,
-    *,
-    title: str = "light field",
-    size: int = DEFAULT_BYTES,
-    exposure: float | None = None,
-    update: Update | None = None,
-) -> tuple[str, ...]:
-    """Write the page of a light field (`page`) to a file; return sentences about what was left out.
-
-    Raises
-    ------
-    ValueError, InputError : as `page`.
-    OutputError : the file cannot be written.
-    """
-    made = page(field, title=title, size=size, exposure=exposure, update=update)
-    write_bytes(path, made.html)
-    return made.notes
+    return Page(html.page("posed_lightfield", title, data, parts=("view_textures", "posed_shaders")), tuple(notes))
 
 
 def _place_looked_at(views: PosedViews) -> FloatArray | None:
@@ -146,23 +129,26 @@ def _place_looked_at(views: PosedViews) -> FloatArray | None:
     return point if np.median(ahead) > 0.0 else None
 
 
-def _start(
-    views: PosedViews, place: tuple[int, int], focus: FloatArray | None
-) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Choose where to look from at first, and where to: from a view, at what all look at or where it looks."""
-    x, y, z = views.pose[place][0].tolist()
-    toward = views.pose[place][0] + views.pose[place][3] if focus is None else focus
-    right, up, back = toward.tolist()
-    return (x, y, z), (right, up, back)
+def _start_view(views: PosedViews, up: Point) -> tuple[int, int]:
+    """Choose the view to begin with: of those that are level, which a drag turns best, the one in the middle."""
+    slope = np.abs(views.pose[..., 3, :] @ np.array(up))
+    rows, columns = np.indices(slope.shape)
+    away = np.abs(rows - views.rows // 2) + np.abs(columns - views.columns // 2)
+    first = int(np.lexsort((away.ravel(), np.maximum(slope, _LEVEL).ravel()))[0])
+    return first // views.columns, first % views.columns
 
 
-def _up(views: PosedViews) -> tuple[float, float, float]:
+def _up(views: PosedViews) -> Point:
     """Choose the axis of the scene that is most like what is up in the views."""
     mean = views.pose[..., 2, :].sum(axis=(0, 1))
     axis = int(np.argmax(np.abs(mean)))
     up = np.zeros(3)
     up[axis] = 1.0 if mean[axis] >= 0.0 else -1.0
-    x, y, z = up.tolist()
+    return _point(up)
+
+
+def _point(values: FloatArray) -> Point:
+    x, y, z = values.tolist()
     return x, y, z
 
 

@@ -92,7 +92,7 @@ def _initial_exposure(grey: NDArray[np.float64], peak: float) -> float:
 
 # Least limits of WebGL 2: layers of a texture, and pixels along its side.
 _MOST_VIEWS = 256
-_LONGEST_SIDE = 2048
+LONGEST_SIDE = 2048
 
 # Pixels of all views together: 4 bytes each in the memory of a graphics card, 8 where something is beyond white.
 _MOST_PIXELS = 32e6
@@ -133,11 +133,14 @@ class ViewPlan:
         return len(self.rows) * len(self.columns) * self.width * self.height
 
 
-def plan_views(field: FieldArrays) -> ViewPlan:
-    """Plan all of the views, or as many and as large as WebGL and the memory of graphics cards hold."""
+def plan_views(field: FieldArrays, longest: int = LONGEST_SIDE) -> ViewPlan:
+    """Plan all of the views, or as many and as large as WebGL and the memory of graphics cards hold.
+
+    longest (px) : side that a view has at most.
+    """
     views = field.views
     plan = ViewPlan(tuple(range(views.rows)), tuple(range(views.columns)), views.width, views.height)
-    plan = _scale_plan(plan, min(1.0, _LONGEST_SIDE / max(plan.width, plan.height)))
+    plan = _scale_plan(plan, min(1.0, longest / max(plan.width, plan.height)))
     while len(plan.places) > _MOST_VIEWS:
         plan = _halve_views(plan)
     return _shrink_plan(plan, _MOST_PIXELS / plan.pixels) if plan.pixels > _MOST_PIXELS else plan
