@@ -8,6 +8,7 @@ Williams 2013, sec. 4, where the distance of rays to corners is minimized: here 
 """
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -211,8 +212,6 @@ def _place(points: Floats, pose: Floats) -> Floats:
 
 def _adjust(first: CameraModel, poses: Floats, boards: list[BoardView], points: Floats, distorted: bool) -> Calibration:
     """Refine all numbers by least squares over all corners in all views."""
-    from dataclasses import replace
-
     from scipy.optimize import least_squares
 
     seen = [np.isfinite(board.corners[..., 0].reshape(len(board.steps), -1)) for board in boards]
