@@ -213,12 +213,12 @@ def test_anyone_can_use_it(opened, field):
 
 
 def test_a_large_light_field_is_made_smaller(field, tmp_path):
-    """Noise in light and depth, which no codec makes much smaller."""
+    """Noise in depth, which no codec makes much smaller, beside light that takes nothing."""
     random = np.random.default_rng(7)
     size = (*field.radiance.shape[:2], 160, 160)
     plane = field.views.plane * np.array([64.0 / 160.0, 1.0, 1.0])
     geometry = dataclasses.replace(field.views, plane=plane, width=160, height=160)
-    light, depth = random.uniform(0.2, 0.8, (*size, 3)), random.uniform(2.0, 3.0, size)
+    light, depth = np.full((*size, 3), 0.5), random.uniform(2.0, 3.0, size)
     made = page_of(PosedLightField(light, geometry, {"depth": depth}), size=1_000_000)
     assert len(made.html) <= 1_000_000
     assert "pixels in place of 160 x 160" in made.notes[0]

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.film.light_field.posed_views import PosedViews
-from raytracer.film.light_field.views import Pose
 from raytracer.lightfield.viewer.page import DEFAULT_BYTES, MIN_BYTES, Page, fallback_image, losses
 from raytracer.lightfield.viewer.size_budget import (
     BYTES_BESIDES_VIEWS,
@@ -25,8 +24,9 @@ from raytracer.lightfield.viewer.size_budget import (
     require_room,
 )
 from raytracer.lightfield.views.free_camera import Point, free_camera
-from raytracer.lightfield.views.view_surfaces import DEPTH_LAYER, DepthOfView, layer_depth, plane_depth
+from raytracer.lightfield.views.view_surfaces import DEPTH_LAYER, DepthOfView, layer_depth
 from raytracer.report import page as html
+from raytracer.util.errors import InputError
 from raytracer.util.progress import Update, report_progress
 
 FloatArray = NDArray[np.float64]
@@ -82,9 +82,8 @@ def page(
     start = _start_view(views, up)
     focus = _place_looked_at(views)
     has_depth = DEPTH_LAYER in field.layers
-    if not has_depth:
-        # Nothing can be drawn without depth or a point to put a plane through.
-        plane_depth(field, Pose.of(views.pose[start]), None)
+    if not has_depth and focus is None:
+        raise InputError("nothing is known of its depth, and its views look at no point: render it with --aov depth")
     plan = plan_views(field, _LONGEST_VIEW)
     require_room(plan, size)
     code, exposure = choose_encoding(planned_views(field, plan), len(plan.places), exposure)
@@ -99,14 +98,15 @@ def page(
     eye, ahead = views.pose[start][0], views.pose[start][3]
     ends = _point(eye), _point(eye + ahead if focus is None else focus)
     camera = free_camera(*ends, views, up=up)
-    finer = max(1.0, min(_FINER, _LONGEST_PICTURE / max(views.width, views.height)))
+    width, height = fitted.plan.width, fitted.plan.height
+    finer = min(_FINER, _LONGEST_PICTURE / max(width, height))
     data = {
         "name": title,
         "extent": f"{views.rows} \u00d7 {views.columns} views of {views.width} \u00d7 {views.height} pixels",
         "notes": notes,
-        "width": fitted.plan.width,
-        "height": fitted.plan.height,
-        "picture": [round(finer * views.width), round(finer * views.height)],
+        "width": width,
+        "height": height,
+        "picture": [round(finer * width), round(finer * height)],
         "code": code._asdict(),
         "exposure": exposure,
         "center": center,
