@@ -202,7 +202,7 @@ def test_a_plane_beyond_the_range_is_told_of(file, tmp_path, capsys):
         (("views", "FILE", "--view", "1", "-o", "a.png"), "--view 1: must be a row and a column"),
         (("views", "FILE", "--at", "3", "-o", "a.png"), "--at 3: must be two lengths"),
         (("views", "FILE", "--view", "0,0", "--all", "-o", "a.png"), "give one of them"),
-        (("views", "FILE", "--depth", "-o", "a.png"), "give --at too"),
+        (("views", "FILE", "--depth", "-o", "a.png"), "give --at or --from too"),
         (("epi", "FILE", "--line", "30", "-o", "a.png"), "no row 30 of pixels"),
         (("epi", "FILE", "--vertical", "--views", "5", "-o", "a.png"), "no column 5 of views"),
         (("move", "FILE", "--path", "spiral", "-o", "a.gif"), "--path spiral: must be one of circle"),
