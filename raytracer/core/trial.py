@@ -30,6 +30,11 @@ def cast_ray_in_kernel() -> float:
     return float(_trace(accel.address, ray_packets(), _ORIGIN, _DIRECTION))
 
 
+def is_exact(distance: float) -> bool:
+    """Return True for the triangle's distance, to the rounding of Embree's float32, whose bits depend on the processor."""
+    return abs(distance - DISTANCE) <= 4.0 * float(np.spacing(np.float32(DISTANCE)))
+
+
 def kernel_source() -> str:
     """Tell where the kernel came from: "compiled", or "loaded from the cache"."""
     return "compiled" if _trace.counts["compiled"] else "loaded from the cache"

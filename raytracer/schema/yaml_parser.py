@@ -98,6 +98,10 @@ class _Composer:
             return self._parser.get_event()
         except yaml.MarkedYAMLError as error:
             line = error.problem_mark.line + 1 if error.problem_mark else 1
+            # The library has a limit of its own, which it may meet first as it reads ahead.
+            if error.problem == "exceeded maximum nesting depth":
+                message = f"is nested more than {MAX_DEPTH} levels deep"
+                raise SceneError(message, file=self._file, line=line, source=self._option) from None
             hint = "; a space goes after the dash of a list" if self._has_tight_dash(line) else ""
             raise SceneError(_syntax(error, line) + hint, file=self._file, line=line, source=self._option) from None
         except yaml.reader.ReaderError as error:

@@ -127,19 +127,19 @@ def _gigabytes(size: float) -> str:
 
 def _check_embree() -> tuple[Status, str]:
     from raytracer.core.embree_library import find_library
-    from raytracer.core.trial import DISTANCE, cast_ray
+    from raytracer.core.trial import DISTANCE, cast_ray, is_exact
 
     distance = cast_ray()
-    if distance != DISTANCE:
+    if not is_exact(distance):
         return "failed", f"a ray met a triangle at {distance:g} m, which lies at {DISTANCE:g} m"
     return "ok", f"a ray met a triangle where it lies; {find_library().name} of embreex {installed_version('embreex')}"
 
 
 def _check_compiler() -> tuple[Status, str]:
-    from raytracer.core.trial import DISTANCE, cast_ray_in_kernel, kernel_source
+    from raytracer.core.trial import DISTANCE, cast_ray_in_kernel, is_exact, kernel_source
 
     distance = cast_ray_in_kernel()
-    if distance != DISTANCE:
+    if not is_exact(distance):
         return "failed", f"a kernel met a triangle at {distance:g} m, which lies at {DISTANCE:g} m"
     return "ok", f"a small kernel was {kernel_source()}, and its ray met the triangle"
 
