@@ -21,7 +21,7 @@ import pytest
 from raytracer.core.compiler.entry import Entry
 
 BUDGET = {"path tracers": 70, "kernels in all": 480}
-"""The most that all quick tests together may need; a dozen of them are compiled loops of light fields, which are small."""
+"""The most that all quick tests together may need; a dozen of them are compiled loops of light fields, and small."""
 
 _PATH_TRACER = "render_tile"
 

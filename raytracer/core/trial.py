@@ -31,7 +31,7 @@ def cast_ray_in_kernel() -> float:
 
 
 def is_exact(distance: float) -> bool:
-    """Return True for the triangle's distance, to the rounding of Embree's float32, whose bits depend on the processor."""
+    """Return True for the triangle's distance, to Embree's rounding (float32), which depends on the processor."""
     return abs(distance - DISTANCE) <= 4.0 * float(np.spacing(np.float32(DISTANCE)))
 
 
