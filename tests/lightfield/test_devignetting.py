@@ -95,7 +95,7 @@ objects: [{type: quad, name: wall, corner: [-2, -2, -0.5], edges: [[4, 0, 0], [0
 
 @pytest.mark.slow
 def test_glass_that_vignettes_shows_an_even_wall_evenly():
-    spec = scene(_LENS + _WALL, base=SCENES / "lightfield", width=320, height=240, spp=64, max_depth=1, filled=False)
+    spec = scene(_LENS + _WALL, base=SCENES / "lightfield", width=320, height=240, spp=144, max_depth=1, filled=False)
     white = extract_light_field(render(white_scene(spec), threads=2, seed=9).image)
     plain = extract_light_field(render(spec, threads=2, seed=1).image)
     even = devignette(plain, white)
