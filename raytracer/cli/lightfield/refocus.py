@@ -189,7 +189,7 @@ def _center(text: str | None) -> tuple[float, float]:
 
 
 class _Taken(NamedTuple):
-    """What is kept of a picture that is written.
+    """Settings and size of a picture that was written.
 
     settings : that it was made with.
     pixels : number of its pixels.

@@ -53,7 +53,7 @@ class Rays(NamedTuple):
 
 
 class FieldArrays:
-    """What light fields have in common, whether their views stand in one plane or have poses of their own."""
+    """Base of light fields: the arrays and settings that all have, in whatever way their views stand."""
 
     radiance: Any
     views: "Views | PosedViews"

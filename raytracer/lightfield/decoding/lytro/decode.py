@@ -22,7 +22,7 @@ from raytracer.lightfield.decoding.raw_image import Floats32, RawPicture, Source
 from raytracer.util.errors import InputError
 
 Colors = Literal["camera", "white"]
-"""What makes colours: the camera's own gains and matrix, or the white picture, whose colour then counts as white."""
+"""Source of colours: the camera's own gains and matrix, or the white picture, whose colour then counts as white."""
 
 _PITCH_TOLERANCE = 0.02
 """Difference of the pitch from that of the metadata, as a share, from which on a note is made."""

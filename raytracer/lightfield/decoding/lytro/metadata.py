@@ -1,4 +1,4 @@
-"""What the metadata of a photograph say of its pixels, its colours and the camera's optics.
+"""Metadata of a photograph: its pixels, its colours and the camera's optics.
 
 Lengths in the files are metres.  The keys of the first camera (F01) and of the Illum differ in places; both are known.
 

@@ -43,7 +43,7 @@ class Photo:
 
 @dataclass(frozen=True, eq=False)
 class PhotoFile:
-    """What the container of a photograph holds, of which pixels are not read yet.
+    """Photograph in an open container: its metadata, and pixels that are not read yet.
 
     path : of the file.
     frame : object of the contents that names the sections of the picture.
