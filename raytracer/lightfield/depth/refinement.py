@@ -23,7 +23,7 @@ _START, _LEAST = 1.0 / 3.0, 0.1
 """Uncertainty of the disparity to begin with, and at least, in pixels of the outermost view: a step from plane to
 plane, and what surfaces curve by."""
 
-_FIXED_BYTES, _THREAD_BYTES = 640, 64
+_FIXED_BYTES, _THREAD_BYTES = 640, 112
 """Bytes a pixel: sums over views, planes and the estimates before; and a view in each thread."""
 
 
