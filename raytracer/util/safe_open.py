@@ -6,6 +6,7 @@ allocated.
 
 import contextlib
 import io
+import json
 import math
 import os
 import stat
@@ -99,6 +100,21 @@ def read_regular(path: Path, most: int = MAX_BYTES) -> bytes:
     """
     with open_regular(path, most) as file:
         return file.read(os.fstat(file.fileno()).st_size)
+
+
+def read_json(path: Path, most: int) -> Any:
+    """Read the values of a JSON file of at most so many bytes.
+
+    Raises
+    ------
+    InputError : it cannot be read, or is no JSON.
+    """
+    with name_read_errors(path):
+        data = read_regular(path, most)
+    try:
+        return json.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is no JSON file, or a broken one") from error
 
 
 class NpyHeader(NamedTuple):

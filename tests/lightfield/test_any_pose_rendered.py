@@ -39,9 +39,9 @@ def quality(path, spec, look_from, look_at, vfov, seed=100, **by):
 
 
 def test_an_object_is_drawn_from_fifty_places(tmp_path_factory):
-    """Over 35 dB at 49 of 50, 3 to 6 m from it, where the cameras stand 4 m away; at the last over 30.
+    """Over 35 dB at 49 of 50, 3 to 6 m from it, where the cameras stand 4 m away; at the last over 32.
 
-    That one looks along the top of the table, where depth is noisy (docs/decisions/novel-views.md).  Straight up and
+    That one looks along the top of the table and under the ball (docs/decisions/novel-views.md).  Straight up and
     down behind the object lie directions of the sky that no camera sees: of three pictures a part.
     """
     spec = load(SCENES / "lightfield" / "around.yaml")
@@ -54,7 +54,7 @@ def test_an_object_is_drawn_from_fifty_places(tmp_path_factory):
     print("with depth", [f"{each:.1f}" for each, _ in found], np.median([each for each, _ in found]))
     assert max(unknown for _, unknown in found) < 0.01
     least, second, *_ = sorted(each for each, _ in found)
-    assert least > 30.0
+    assert least > 32.0
     assert second > 35.0
 
 

@@ -56,7 +56,7 @@ def test_a_focal_stack_is_made_in_parts_that_fit(field):
 
 
 def test_depth_compares_as_many_planes_as_fit(field):
-    limit = 6_000_000
+    limit = 7_000_000
 
     def depth():
         return depth_map(field, near=1.2, far=5.0, threads=2)

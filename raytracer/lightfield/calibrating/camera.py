@@ -11,7 +11,6 @@ As a matrix from indices to rays this is the H of Dansereau, Pizarro, Williams 2
 Rectification for Lenselet-Based Plenoptic Cameras", eq. 9, on the plane of the views, where its H13 and H24 are 0.
 """
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.views import Plane, Views
 from raytracer.lightfield.formats.geometry import regular_grid
 from raytracer.util.errors import InputError
-from raytracer.util.safe_open import name_read_errors, read_regular
+from raytracer.util.safe_open import read_json
 
 Floats = NDArray[np.float64]
 
@@ -179,10 +178,4 @@ def read_camera(path: str | Path) -> CameraModel:
     ------
     InputError : the file is missing, or holds no calibration.
     """
-    path = Path(path)
-    try:
-        with name_read_errors(path):
-            values = json.loads(read_regular(path, _LARGEST_FILE).decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is no JSON file") from error
-    return camera_from_dict(values, str(path))
+    return camera_from_dict(read_json(Path(path), _LARGEST_FILE), str(path))

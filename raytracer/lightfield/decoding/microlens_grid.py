@@ -1,6 +1,5 @@
 """Microlens grid of a camera, the JSON file that holds it, and the optics, without which views have no metres."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from raytracer.film.light_field.views import Plane, Views
 from raytracer.lightfield.formats.geometry import regular_grid
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 from raytracer.util.errors import InputError
-from raytracer.util.safe_open import name_read_errors, read_regular
+from raytracer.util.safe_open import read_json
 
 _LARGEST_FILE, _LARGEST_NUMBER = 1 << 20, 1e9
 """Most bytes of a file with a grid, and most pixels of its lengths: far above those of any camera."""
@@ -101,13 +100,7 @@ def read_grid(path: str | Path) -> Grid:
     ------
     InputError : the file is missing, or holds no grid.
     """
-    path = Path(path)
-    try:
-        with name_read_errors(path):
-            values = json.loads(read_regular(path, _LARGEST_FILE).decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is no JSON file") from error
-    return grid_from_dict(values, str(path))
+    return grid_from_dict(read_json(Path(path), _LARGEST_FILE), str(path))
 
 
 _METRES_PER_MICROMETRE = 1e-6

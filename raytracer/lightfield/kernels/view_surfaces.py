@@ -22,9 +22,15 @@ STEEPEST = 6.0
 """Slope of a surface against a view's picture, depth over width, above which a step of depth is an edge: so obliquely a
 view shows little of a surface, and others more."""
 
-
 BEND = 2.0
 """Factor by which a surface may get steeper from one pixel to the next."""
+
+
+FLAT = 0.25
+"""By how much of its change from pixel to pixel, and of a pixel's width, a surface may be off a plane at its edge."""
+
+SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
+"""Steps to the neighbours of a pixel."""
 
 
 @kernel
@@ -78,48 +84,70 @@ def _is_step(depth, pixel, x, y, dx, dy):
     return step > BEND * slope + pixel * max(a, b)
 
 
+@kernel
+def _may_be_mean(depth, pixel, x, y, dx, dy):
+    """Tell if the depth of a pixel with an edge between it and a neighbour may be a mean of what is on both sides.
+
+    It is one where it is off the plane on which the next two pixels on its own side go on.  It may be one before what
+    goes on smoothly behind it.
+    """
+    is_before = _depth_at(depth, x + dx, y + dy) < depth[y, x]
+    if is_before and not _is_step(depth, pixel, x + dx, y + dy, dx, dy):
+        return True
+    if _is_step(depth, pixel, x, y, -dx, -dy) or _is_step(depth, pixel, x - dx, y - dy, -dx, -dy):
+        return False
+    first, second = _depth_at(depth, x - dx, y - dy), _depth_at(depth, x - 2 * dx, y - 2 * dy)
+    return abs(depth[y, x] - 2.0 * first + second) > FLAT * (abs(first - second) + pixel * first)
+
+
+@kernel
+def _goes_on(depth, slopes, pixel, x, y, dx, dy):
+    """Tell if a neighbour is of the same surface and sees nothing else."""
+    return not _is_step(depth, pixel, x, y, dx, dy) and slopes[y + dy, x + dx, 2] >= 0.0
+
+
 @entry
 def pixel_slopes(depth, pixel, slopes):
     """Measure the change of depth over a pixel of a view, by neighbours on the same surface: right, down, and most.
 
     depth : float64 (height, width).
     slopes : float64 (height, width, 4), the result: the third is NaN where a pixel has no neighbour on its surface, or
-        may see what is behind it; the last is 1 where all four are on its surface, so that the pixel sees nothing else.
+        may see another, too; the last is 1 where all four are on its surface, so that the pixel sees nothing else.
     """
     height, width = depth.shape
     for y in range(height):
         for x in range(width):
-            here = depth[y, x]
-            most, neighbours = 0.0, 0
-            # Before what goes on smoothly behind it, a pixel may see that in part, and its depth be a mean.
-            is_whole = True
+            is_whole, neighbours = True, 0
+            for dx, dy in SIDES:
+                if not _is_step(depth, pixel, x, y, dx, dy):
+                    neighbours += 1
+                elif _may_be_mean(depth, pixel, x, y, dx, dy):
+                    is_whole = False
+            slopes[y, x, 2] = 0.0 if is_whole and neighbours > 0 else math.nan
+            slopes[y, x, 3] = 1.0 if neighbours == 4 else 0.0
+    for y in range(height):
+        for x in range(width):
             for axis in range(2):
                 total, count = 0.0, 0
                 for sign in (-1, 1):
                     dx, dy = (sign, 0) if axis == 0 else (0, sign)
-                    if _is_step(depth, pixel, x, y, dx, dy):
-                        is_before = _depth_at(depth, x + dx, y + dy) < here
-                        if is_before and not _is_step(depth, pixel, x + dx, y + dy, dx, dy):
-                            is_whole = False
-                    else:
-                        change = depth[y + dy, x + dx] - here
+                    if _goes_on(depth, slopes, pixel, x, y, dx, dy):
+                        change = depth[y + dy, x + dx] - depth[y, x]
                         total += sign * change
                         count += 1
-                        most = max(most, abs(change))
+                        # What is not a number stays.
+                        slopes[y, x, 2] += max(abs(change) - slopes[y, x, 2], 0.0)
                 slopes[y, x, axis] = total / count if count > 0 else 0.0
-                neighbours += count
-            slopes[y, x, 2] = most if neighbours > 0 and is_whole else math.nan
-            slopes[y, x, 3] = 1.0 if neighbours == 4 else 0.0
 
 
 @kernel
 def _corner(depth, slopes, pixel, x, y, dx, dy):
     """Return the depth of a pixel's corner: the mean of the pixels around it that are of its surface."""
     total, count = depth[y, x] + 0.5 * (dx * slopes[y, x, 0] + dy * slopes[y, x, 1]), 1
-    if not _is_step(depth, pixel, x, y, dx, 0):
+    if _goes_on(depth, slopes, pixel, x, y, dx, 0):
         total += depth[y, x + dx] - 0.5 * (dx * slopes[y, x + dx, 0] - dy * slopes[y, x + dx, 1])
         count += 1
-    if not _is_step(depth, pixel, x, y, 0, dy):
+    if _goes_on(depth, slopes, pixel, x, y, 0, dy):
         total += depth[y + dy, x] + 0.5 * (dx * slopes[y + dy, x, 0] - dy * slopes[y + dy, x, 1])
         count += 1
     return max(total / count, 0.0)

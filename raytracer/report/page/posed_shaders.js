@@ -57,7 +57,7 @@ float depthOf(ivec2 at) {
   return inverse > 0.0 ? inverse : -1.0;
 }`;
 
-/* As `pixel_slopes` in raytracer/lightfield/kernels/view_surfaces.py, where STEEPEST and BEND are explained. */
+/* As `pixel_slopes` in raytracer/lightfield/kernels/view_surfaces.py, where STEEPEST, BEND and FLAT are explained. */
 const SLOPES = `${COMMON}
 uniform int number, slot;
 ${hasDepth ? LAYER_DEPTH : PLANE_DEPTH}
@@ -74,33 +74,44 @@ bool isStep(ivec2 at, ivec2 by) {
   float slope = max(before < 0.0 ? 0.0 : abs(a - before), after < 0.0 ? 0.0 : abs(after - b));
   return change > 2.0 * slope + pixel * max(a, b);
 }
+bool mayBeMean(ivec2 at, ivec2 by) {
+  float here = depthAt(at), beyond = depthAt(at + by);
+  if (beyond >= 0.0 && beyond < here && !isStep(at + by, by)) return true;
+  if (isStep(at, -by) || isStep(at - by, -by)) return false;
+  float first = depthAt(at - by), second = depthAt(at - 2 * by);
+  return abs(here - 2.0 * first + second) > 0.25 * (abs(first - second) + cameraOf(slot).pixel.x * first);
+}
+ivec2 side(int number) { return (2 * (number & 1) - 1) * ivec2(1 - (number >> 1), number >> 1); }
+bool isWhole(ivec2 at) {
+  int neighbours = 0;
+  for (int number = 0; number < 4; number++) {
+    if (!isStep(at, side(number))) neighbours++;
+    else if (mayBeMean(at, side(number))) return false;
+  }
+  return neighbours > 0;
+}
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   float here = depthOf(at), most = 0.0;
-  vec2 slopes = vec2(0.0);
+  vec2 total = vec2(0.0), count = vec2(0.0);
   int neighbours = 0;
-  bool whole = here >= 0.0;
   bvec2 breaks = bvec2(false);
-  for (int axis = 0; axis < 2; axis++) {
-    float total = 0.0, count = 0.0;
-    for (int sign = -1; sign <= 1; sign += 2) {
-      ivec2 by = axis == 0 ? ivec2(sign, 0) : ivec2(0, sign);
-      if (isStep(at, by)) {
-        if (sign > 0) breaks[axis] = true;
-        float beside = depthAt(at + by);
-        if (beside >= 0.0 && beside < here && !isStep(at + by, by)) whole = false;
-      } else {
-        float change = depthAt(at + by) - here;
-        total += float(sign) * change;
-        count += 1.0;
-        most = max(most, abs(change));
-      }
+  for (int number = 0; number < 4; number++) {
+    ivec2 by = side(number);
+    int axis = number >> 1;
+    if (isStep(at, by)) {
+      if (by[axis] > 0) breaks[axis] = true;
+      continue;
     }
-    slopes[axis] = count > 0.0 ? total / count : 0.0;
-    neighbours += int(count);
+    neighbours++;
+    if (!isWhole(at + by)) continue;
+    float change = depthAt(at + by) - here;
+    total[axis] += float(by[axis]) * change;
+    count[axis] += 1.0;
+    most = max(most, abs(change));
   }
-  surface = vec4(here, slopes, most);
-  mark = vec4(float(whole && neighbours > 0), float(neighbours == 4), float(breaks.x), float(breaks.y));
+  surface = vec4(here, total / max(count, 1.0), most);
+  mark = vec4(float(isWhole(at)), float(neighbours == 4), float(breaks.x), float(breaks.y));
 }`;
 
 const FETCH = `
@@ -111,10 +122,10 @@ uniform sampler2DArray surfaces, marks;
 const CORNERS = `${COMMON}${FETCH}
 uniform int slot;
 out vec4 corners;
-bool broken(ivec2 at, int axis) {
-  if (at[axis] < 0) return true;
-  vec4 mark = texelFetch(marks, ivec3(at, slot), 0);
-  return (axis == 0 ? mark.z : mark.w) > 0.5;
+bool goesOn(ivec2 at, ivec2 by, int axis) {
+  ivec2 first = min(at, at + by);
+  if (first[axis] < 0) return false;
+  return texelFetch(marks, ivec3(first, slot), 0)[2 + axis] < 0.5 && texelFetch(marks, ivec3(at + by, slot), 0).x > 0.5;
 }
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
@@ -126,12 +137,12 @@ void main() {
     ivec2 by = ivec2(2 * (corner & 1) - 1, 2 * (corner >> 1) - 1);
     vec2 to = vec2(by);
     float total = here.x + 0.5 * (to.x * here.y + to.y * here.z), count = 1.0;
-    if (!broken(at + ivec2(min(by.x, 0), 0), 0)) {
+    if (goesOn(at, ivec2(by.x, 0), 0)) {
       vec4 beside = texelFetch(surfaces, ivec3(at + ivec2(by.x, 0), slot), 0);
       total += beside.x - 0.5 * (to.x * beside.y - to.y * beside.z);
       count += 1.0;
     }
-    if (!broken(at + ivec2(0, min(by.y, 0)), 1)) {
+    if (goesOn(at, ivec2(0, by.y), 1)) {
       vec4 beside = texelFetch(surfaces, ivec3(at + ivec2(0, by.y), slot), 0);
       total += beside.x + 0.5 * (to.x * beside.y - to.y * beside.z);
       count += 1.0;

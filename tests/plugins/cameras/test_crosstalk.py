@@ -48,7 +48,7 @@ def radius(spec):
 @pytest.mark.parametrize("stretch", [0.7, 1.2, 1.9, 2.6])
 def test_a_place_gets_the_light_of_each_microlens_whose_sub_image_covers_it(layout, rows, stretch):
     spec = thin(distance=stretch * MATCHED, layout=layout, crosstalk=True)
-    x, y = places(200_000, 6.0 * rows * PIXELS)
+    x, y = places(60_000, 6.0 * rows * PIXELS)
     found, lattice, reach = weights_of(spec, x, y), spec.lenslets(WIDTH, WIDTH).lattice, radius(spec)
     number = np.rint(lattice.index(np.column_stack([x, y])))
     around = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(-4, 5)), axis=-1).reshape(-1, 2)

@@ -50,7 +50,7 @@ from tests.vectorised import rows, vectorised
 
 ROOT = Path(__file__).parents[3]
 GENERATED = ("instances", "million", "next_week")
-LARGE = ("frozen_drop", "studio", "no_lens", "pinhole", "focal_lengths", "sensor_sizes", "dolly_zoom")
+LARGE = ("frozen_drop", "silky_water", "studio", "no_lens", "pinhole", "focal_lengths", "sensor_sizes", "dolly_zoom")
 SHIPPED = [
     pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in LARGE else [])
     for path in sorted((ROOT / "scenes").rglob("*.yaml"))

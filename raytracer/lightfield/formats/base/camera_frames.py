@@ -5,7 +5,6 @@ nerfstudio, "Data conventions" (keys, camera axes, pixels counted from the corne
 models with Instant Neural Graphics Primitives".
 """
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.posed_views import ORTHONORMAL_SLACK, PosedViews
 from raytracer.film.light_field.views import Plane, Pose, Views
 from raytracer.util.errors import InputError, abbreviate
-from raytracer.util.safe_open import name_read_errors, read_regular
+from raytracer.util.safe_open import read_json
 
 _LARGEST = 1 << 27
 """Most bytes of a file: 800 for each of the most frames."""
@@ -82,12 +81,7 @@ _MILLIMETRES = 1e-3
 
 def read_transforms(path: Path) -> Transforms:
     """Read and check a file; an InputError says what is wrong with it, or what is not supported."""
-    with name_read_errors(path):
-        data = read_regular(path, _LARGEST)
-    try:
-        values = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is no JSON file, or a broken one") from error
+    values = read_json(path, _LARGEST)
     frames = values.get("frames") if isinstance(values, dict) else None
     if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
         raise InputError(f"{path}: has no frames: a list of pictures with file_path and transform_matrix")
