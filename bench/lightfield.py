@@ -61,7 +61,7 @@ def seconds_of_row(views: PreparedScene, row: int, path: Path) -> float:
     """Time rendering and writing a row of views (s)."""
     layout: Any = views.packed.spec.camera.layout(views.packed.spec.film.width, views.packed.spec.film.height)
     band = ViewBand(row, row + 1, 0, layout.views.columns)
-    part = band.layout(layout.views)
+    part = band.layout(layout)
     begin = time.perf_counter()
     image = render_prepared(views.for_window(band.window(layout.views))).image
     lf.write(path, part.light_field(image))

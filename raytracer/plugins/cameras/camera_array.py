@@ -21,7 +21,6 @@ from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets
 from raytracer.plugins.cameras.base.perspective import ApertureSize
 from raytracer.schema.fields import Count, Extent, PositiveLengthOrInf
 from raytracer.schema.rules import never
-from raytracer.schema.spec import field_error
 
 
 class CameraArray(IdealLensSpec):
@@ -66,12 +65,7 @@ class CameraArray(IdealLensSpec):
 
     @model_validator(mode="after")
     def _is_developed_view_by_view(self) -> Any:
-        sensor = self.simulated_sensor()
-        if sensor is not None and sensor.bayer is not None:
-            field_error(
-                ("sensor", "bayer"),
-                "colours are interpolated over the edges of views: an array's sensors have no Bayer pattern",
-            )
+        views.refuse_bayer(self.simulated_sensor())
         return self
 
     def convergence(self) -> float:

@@ -23,7 +23,6 @@ from raytracer.plugins.cameras.base.perspective_camera import (
     thin_lens_parts,
 )
 from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
-from raytracer.schema.spec import field_error
 
 # Columns of a rig's table: position from the middle frame's, axes, and left and top edge of the image plane.
 _OFFSET, _RIGHT, _UP, _FORWARD, _LEFT, _TOP, _COLUMNS = 0, 3, 6, 9, 12, 13, 14
@@ -72,12 +71,7 @@ class RigSpec(IdealLensSpec):
 
     @model_validator(mode="after")
     def _is_developed_view_by_view(self) -> Any:
-        sensor = self.simulated_sensor()
-        if sensor is not None and sensor.bayer is not None:
-            field_error(
-                ("sensor", "bayer"),
-                "colours are interpolated over the edges of views: the sensors of many cameras have no Bayer pattern",
-            )
+        views.refuse_bayer(self.simulated_sensor())
         return self
 
     def rig(self) -> RigViews:

@@ -10,6 +10,7 @@ from raytracer.core.vec import add, madd, scale
 from raytracer.film.light_field.focusing import refocusable, view_spacing
 from raytracer.film.light_field.layout import Mosaic
 from raytracer.film.light_field.views import Plane, Pose, Views
+from raytracer.optics.sensor_formats import SensorSpec
 from raytracer.plugins.cameras.base import interface
 from raytracer.plugins.cameras.base.perspective_camera import (
     ImagePlane,
@@ -20,12 +21,27 @@ from raytracer.plugins.cameras.base.perspective_camera import (
     thin_lens_parts,
 )
 from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
+from raytracer.schema.spec import field_error
 
 MAX_VIEWS = 1024
 """Views in a row, or in a column, at most."""
 
 # Beyond views of a few pixels too the film has to reach as far as any usual filter does.
 _MIN_MARGIN = 16
+
+
+def refuse_bayer(sensor: SensorSpec | None) -> None:
+    """Refuse a sensor with a Bayer pattern for many views in one picture; `sensor` is None where none is simulated.
+
+    Raises
+    ------
+    ValidationError : it has one.
+    """
+    if sensor is not None and sensor.bayer is not None:
+        field_error(
+            ("sensor", "bayer"),
+            "colours are interpolated over the edges of views: the sensors of many cameras have no Bayer pattern",
+        )
 
 
 class ViewFilms(NamedTuple):
