@@ -27,13 +27,15 @@ def place_board(turns, distance):
     return turn.apply(POINTS - POINTS.mean(axis=0)) + np.array([0.0, 0.0, distance])
 
 
-def _boards(camera, noise=0.0, turns=TURNS):
-    rng = np.random.default_rng(0)
+def _boards(camera, noise=0.0, turns=TURNS, alike=0.0, seed=0):
+    """Boards with noise of each corner in each view, and with that which is alike in all of them (px)."""
+    rng = np.random.default_rng(seed)
     steps = view_steps(camera.rows, camera.columns).reshape(-1, 2)
     boards = []
     for each, distance in zip(turns, DISTANCES, strict=False):
         seen = camera.project(place_board(each, distance), steps)
         seen += rng.normal(0.0, noise, seen.shape) if noise else 0.0
+        seen += rng.normal(0.0, alike, seen.shape[1:]) if alike else 0.0
         boards.append(BoardView("board", steps, seen.reshape(len(steps), ROWS, COLUMNS, 2)))
     return boards
 
@@ -60,6 +62,20 @@ def test_errors_are_as_large_as_they_are_said_to_be():
     away += [*(np.divide(found.camera.spacing, CAMERA.spacing) - 1.0), found.camera.inverse_focus - 1.25]
     assert (np.abs(away) < 4.0 * found.errors[:6]).all()
     assert found.errors[0] < 0.01
+
+
+@pytest.mark.parametrize(("noise", "alike"), [(0.05, 0.0), (0.01, 0.05)])
+def test_errors_are_those_that_are_said(noise, alike):
+    # Over many sets of boards, also where a corner is off by the same in all views.
+    away, said = [], []
+    for seed in range(24):
+        found = calibrate_camera(_boards(CAMERA, noise, alike=alike, seed=seed), SQUARE, (3, 5), (160, 120))
+        away.append([found.camera.pixel / CAMERA.pixel - 1.0, *np.subtract(found.camera.centre, CAMERA.centre)])
+        said.append(found.errors[:3])
+    true, expected = (np.sqrt(np.mean(np.square(each), axis=0)) for each in (away, said))
+    # 24 samples know their deviation to 15 %.
+    assert (true < 1.6 * expected).all()
+    assert (true > 0.6 * expected).all()
 
 
 def test_rays_of_the_matrix_meet_in_the_point_that_is_seen():

@@ -210,6 +210,27 @@ def _place(points: Floats, pose: Floats) -> Floats:
     return np.asarray(Rotation.from_rotvec(pose[:3]).apply(points) + pose[3:])
 
 
+def _standard_errors(jacobian: Floats, weighted: Floats, residuals: Floats, corner: NDArray[np.intp]) -> Floats:
+    """Compute the standard errors (k,) of fitted numbers, where a corner's errors are alike in all views.
+
+    What moves a corner of a picture, as the pixels do that its squares fall on, moves it in the next view as well, so
+    that many views of it tell hardly more than one: sums over corners take the place of those over all rows (Liang,
+    Zeger 1986, "Longitudinal Data Analysis Using Generalized Linear Models").
+
+    weighted : `jacobian` (2n, k) with what outliers count less, whose square is the curvature.
+    residuals (px) : (n, 2).
+    corner : which of all boards' corners each is (n,).
+    """
+    counted = residuals / np.maximum(np.abs(residuals) / _OUTLIER, 1.0)
+    slopes = np.zeros((int(corner.max()) + 1, jacobian.shape[1]))
+    np.add.at(slopes, corner, np.einsum("nik,ni->nk", jacobian.reshape(*residuals.shape, -1), counted))
+    inverse = np.linalg.pinv(weighted.T @ weighted)
+    # As many are fitted away.
+    free = 2 * len(np.unique(corner))
+    scale = free / max(1, free - jacobian.shape[1])
+    return np.asarray(np.sqrt(scale * np.diag(inverse @ (slopes.T @ slopes) @ inverse)))
+
+
 def _adjust(first: CameraModel, poses: Floats, boards: list[BoardView], points: Floats, distorted: bool) -> Calibration:
     """Refine all numbers by least squares over all corners in all views."""
     from scipy.optimize import least_squares
@@ -264,9 +285,9 @@ def _adjust(first: CameraModel, poses: Floats, boards: list[BoardView], points: 
     camera = camera_of(fit.x)
     total = np.concatenate(differences(fit.x))
     residual = float(np.sqrt((total**2).sum(axis=1).mean()))
-    covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * float((total**2).sum()) / max(1, total.size - len(start))
+    corner = np.concatenate([np.nonzero(mask)[1] + index * len(points) for index, mask in enumerate(seen)])
     errors = np.zeros(_INTRINSICS)
-    errors[:number] = np.sqrt(np.diag(covariance))[:number]
+    errors[:number] = _standard_errors(jacobian(fit.x), fit.jac, total, corner)[:number]
     # Where nothing tells a number, the fit wanders along it without an end.
     if not fit.success or not errors[0] < _UNKNOWN:
         raise InputError(
