@@ -59,7 +59,10 @@ def look(pose, plane, width, height, balls=BALLS):
 
 
 def captured(rig, balls=BALLS):
-    geometry = rig.layout(SIZE, SIZE).views
+    return captured_by(rig.layout(SIZE, SIZE).views, balls)
+
+
+def captured_by(geometry, balls=BALLS):
     size = (geometry.rows, geometry.columns)
     seen_by = [look(geometry.pose[v], geometry.plane[v], SIZE, SIZE, balls) for v in np.ndindex(size)]
     radiance, depth = (np.array(part).reshape(*size, *part[0].shape) for part in zip(*seen_by, strict=True))
@@ -190,6 +193,16 @@ def test_views_in_one_plane_show_what_is_seen_before_and_behind_it(planar, ahead
     is_known = ~np.isnan(drawn.radiance[..., 0])
     assert is_known.mean() > 0.8
     assert psnr(drawn.radiance[is_known], exact[is_known]) > 23.0
+
+
+def test_what_all_views_see_as_well_is_seen():
+    """The sky, by views that look the same way, where a pixel of the picture is smaller than theirs."""
+    field = captured_by(PosedViews.of(views(3, 3, spacing=0.1, width=SIZE, height=SIZE)), [(np.array([0, 0, -2]), 0.3)])
+    camera = camera_at(field, (0.02, 0.01, -0.1), (0.02, 0.01, -2.0), vfov=20.0)
+    exact, depth = exact_at(camera, [(np.array([0, 0, -2]), 0.3)])
+    drawn = view_from(field, camera)
+    assert drawn.unknown == 0.0
+    assert psnr(drawn.radiance[np.isinf(depth)], exact[np.isinf(depth)]) > 30.0
 
 
 def test_an_estimate_serves_where_no_depth_is_known(planar):

@@ -191,7 +191,8 @@ def _blending_weights(best: FloatArray) -> FloatArray:
     """
     penalty = best[..., 0]
     last = penalty[..., -1:]
-    is_falling = np.isfinite(last) & (last > 0.0)
+    # Where all are as good, as of the sky by views that look the same way, none is the last.
+    is_falling = np.isfinite(last) & (last > penalty[..., :1])
     falling = 1.0 - np.where(is_falling, penalty, 0.0) / np.where(is_falling, last, 1.0)
     weight = np.divide(falling, penalty, out=np.zeros(penalty.shape), where=np.isfinite(penalty) & (penalty > 0.0))
     # A ray that a view has itself is taken from that view alone.

@@ -297,12 +297,13 @@ void main() {
   }
   // Weights fall to 0 at the first view that is left out (Buehler et al., sec. 4).
   float farthest = penalties[KEPT - 1], total = 0.0;
+  bool falls = farthest < NONE && farthest > penalties[0];
   vec3 sum = vec3(0.0);
   for (int i = 0; i < KEPT; i++) {
-    if (penalties[i] >= farthest && farthest < NONE || penalties[i] == NONE) continue;
+    if (falls && penalties[i] >= farthest || penalties[i] == NONE) continue;
     vec3 seen = seenBy(cameraOf(best[i]), point, known.r);
     // What 32 bits leave of the angle to a ray that a view has itself.
-    float weight = (farthest == NONE ? 1.0 : 1.0 - penalties[i] / farthest) / max(penalties[i], 1e-6);
+    float weight = (falls ? 1.0 - penalties[i] / farthest : 1.0) / max(penalties[i], 1e-6);
     sum += weight * sampled(best[i], placeIn(cameraOf(best[i]), seen), known.r / seen.z, offOf(known, seen.z));
     total += weight;
   }
