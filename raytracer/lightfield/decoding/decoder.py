@@ -264,7 +264,7 @@ def _make_decoded(
     try:
         views = nominal.views(grid, resampler)
     except ValueError as error:
-        raise InputError(f"--focus-distance {nominal.focus_distance:g}: {error}") from None
+        raise InputError(f"{name}: {error}") from None
     if camera is not None:
         camera.check_views(views, "--calibration")
         views = camera.views(grid.diameter)
