@@ -53,6 +53,8 @@ def test_light_fields_of_a_board_give_the_camera(tmp_path, rt):
         ("board0.lf --corners 7x5 --square 14mm", "at least 2 pictures"),
         ("board0.lf board1.lf --corners 9x5 --square 14mm", "board0.lf: shows no whole checkerboard of 9 x 5"),
         ("nowhere.lf --corners 7x5 --square 14mm", "nowhere.lf: no such file"),
+        ("raw.npy --white white.npy --memory 1MB --corners 7x5 --square 14mm", "memory: decoding raw.npy, 300 x 240"),
+        ("raw.npy --white . --corners 7x5 --square 14mm", ".: folders, archives and containers of white pictures go"),
         ("board0.lf --corners 7x5 --square 0mm", "--square 0mm: must be greater than 0"),
     ],
 )
@@ -79,4 +81,5 @@ def test_a_calibration_gives_metres_and_straightens_views(tmp_path, rt):
         # One channel is grey.
         assert np.array_equal(field.view(2, 2)[..., 0], field.view(2, 2)[..., 2])
     assert "--calibration: is of a camera with 5 x 5 views" in rt(f"{decode} --views 7", status=2).err
-    assert "exclude each other" in rt(f"{decode} --f-number 2", status=2).err
+    for option in ("--f-number 2", "--focus-distance 2m"):
+        assert "exclude each other" in rt(f"{decode} {option}", status=2).err

@@ -62,6 +62,9 @@ def test_a_photograph_becomes_a_light_field_in_metres(tmp_path, rt):
     with lf.open(other) as field:
         assert field.views.focus_distance == pytest.approx(2.0)
         assert field.views.rows == 5
+    rt(f"lightfield decode a.lfr -o {other} --views 3 --focus-distance inf")
+    with lf.open(other) as field:
+        assert field.views.inverse_focus == 0.0
 
 
 def test_metadata_are_shown(rt):
@@ -107,7 +110,12 @@ def test_the_raw_picture_is_extracted(tmp_path, rt):
             "caldata-B2.tar: holds white pictures of B2, and the photograph is of B1",
         ),
         ("decode b.lfp --white none.tar", "none.tar: no such file"),
-        ("decode b.lfp --focus-distance 1cm", "--focus-distance 0.01: is too near"),
+        ("decode b.lfp --focus-distance 1cm", "b.lfp: the focus distance, 0.01 m, is too near"),
+        ("decode codes.npy --colors white", "--colors: is for photographs of a Lytro, .lfp and .lfr, and codes.npy is"),
+        ("decode codes.npy --white .", ".: folders, archives and containers of white pictures go with photographs"),
+        ("decode codes.npy --white b.lfp", "b.lfp: folders, archives and containers of white pictures go with"),
+        ("decode b.lfp --white array.lf", "array.lf: is a light field already"),
+        ("decode array.lf", "array.lf: is a light field already"),
         ("info text.lfp", "text.lfp: is no container"),
         ("extract b.lfp -o raw.tif", "raw.tif: unknown suffix '.tif' for what a photograph holds"),
         ("extract b.lfp --white -o white.png", "--white: b.lfp holds no white picture"),

@@ -159,6 +159,15 @@ def test_boards_that_do_not_tell():
     facing = _boards(CAMERA, 0.02, [(0.0, 0.0, 0.0)] * 3)
     with pytest.raises(InputError, match="do not tell"):
         calibrate_camera(facing, SQUARE, (3, 5), (160, 120))
+    boards = _boards(CAMERA)
+    boards[1].corners[2:] = np.nan
+    with pytest.raises(InputError, match="board: fewer than 4 corners are seen in 3 views"):
+        calibrate_camera(boards, SQUARE, (3, 5), (160, 120))
+    few = LightField(
+        np.zeros((1, 2, 120, 160, 3), np.float32), Views(view_steps(1, 2), Plane(1.0, -80.0, 60.0), 160, 120)
+    )
+    with pytest.raises(InputError, match=r"few\.lf: has 2 x 1 views, and a calibration needs at least 3"):
+        find_corners(few, ROWS, COLUMNS, "few.lf")
 
 
 def test_a_camera_in_a_file_is_the_same_camera():

@@ -12,6 +12,7 @@ from raytracer.lightfield.decoding.calibration import find_grid
 from raytracer.lightfield.decoding.decoder import decode
 from raytracer.lightfield.decoding.microlens_grid import Optics, grid_from_dict
 from raytracer.lightfield.decoding.raw_image import find_defects
+from raytracer.lightfield.memory import memory_limit
 from raytracer.util.errors import InputError
 from tests.lightfield.lenslet_pictures import Camera, lattice, spoiled, texture
 
@@ -162,6 +163,8 @@ def test_views_of_spoilt_pictures(pictures):
 def test_disparity_has_the_sign_and_size_of_the_formula(decoded):
     # Views tell a scene's plane apart: it moves by SLOPE raw pixels a view, against where the view is.
     field = decoded.light_field()
+    with memory_limit(field.radiance.nbytes), pytest.raises(InputError, match="memory: keeping all views of raw takes"):
+        decoded.light_field()
     assert field.settings["units"] == "views"
     middle = field.views.rows // 2
     left, right = (field.view(middle, middle + step)[4:-4, 4:-4, 0] for step in (-4, 4))

@@ -2,18 +2,20 @@
 
 import json
 import struct
+import tarfile
 
 import numpy as np
 import pytest
 
 from raytracer.lightfield.decoding.lytro.container import Container, is_container
 from raytracer.lightfield.decoding.lytro.decode import decode_photo
+from raytracer.lightfield.decoding.lytro.export import write_raw
 from raytracer.lightfield.decoding.lytro.metadata import read_metadata
 from raytracer.lightfield.decoding.lytro.optics import PupilOptics, focus_from_metadata, optics_from_metadata
 from raytracer.lightfield.decoding.lytro.packing import unpack_pixels
 from raytracer.lightfield.decoding.lytro.photo import open_photo
 from raytracer.lightfield.decoding.lytro.white_pictures import choose_white_picture, find_white_pictures
-from raytracer.lightfield.decoding.microlens_grid import Optics
+from raytracer.lightfield.decoding.microlens_grid import Grid, Optics
 from raytracer.util.errors import InputError
 from raytracer.util.safe_open import BrokenFileError
 from tests.lightfield import lytro_files
@@ -130,6 +132,7 @@ def _broken():
         "empty.lfp": (lytro_files.container({})[:16], "without contents"),
         "list.lfp": (lytro_files.container([1]), "no JSON object"),
         "nan.lfp": (lytro_files.container({"a": float("nan")}), "no JSON"),
+        "large.lfp": (lytro_files.container({"a": 10000}).replace(b"10000", b"1e999"), "no JSON"),
         "deep.lfp": (lytro_files.container({}).replace(b"{}", b"[["), "no JSON"),
         "storage.lfp": (lytro_files.package({"a": b"b"}), "holds no photograph, but files of a camera"),
         "stack.lfp": (lytro_files.container({"picture": {"frameArray": []}}), "holds no photograph, but others"),
@@ -233,6 +236,11 @@ def test_white_pictures_of_another_camera(tmp_path):
     (tmp_path / "none" / "broken.tar").write_bytes(b"no archive" * 100)
     with pytest.raises(InputError, match="is no archive"):
         find_white_pictures(tmp_path / "none")
+    name = tarfile.TarInfo("././@LongLink")
+    name.type, name.size = tarfile.GNUTYPE_LONGNAME, 2
+    (tmp_path / "none" / "broken.tar").write_bytes((name.tobuf() + b"a".ljust(512, b"\0")) * 2000)
+    with pytest.raises(InputError, match="is no archive"):
+        find_white_pictures(tmp_path / "none")
     cut = lytro_files.archive(_whites())[:1800]
     (tmp_path / "none" / "broken.tar").write_bytes(cut)
     with pytest.raises(InputError, match="holds no white pictures"):
@@ -278,6 +286,51 @@ def test_the_white_picture_in_the_container(tmp_path, drawn):
     assert "no white picture" in " ".join(decode_photo(tmp_path / "b.lfr").notes)
 
 
+@pytest.mark.parametrize("camera", [F01, ILLUM], ids=["F01", "Illum"])
+def test_the_white_picture_in_files_of_other_programs(tmp_path, drawn, camera):
+    """It is the picture that the container holds: its black level is taken off, and colours are left to the gains."""
+    pytest.importorskip("cv2")
+    raw, white = _codes(drawn, camera, True)
+    white[:30] = camera["white"]
+    values = lytro_files.metadata(*SIZE, camera, colors=True)
+    (tmp_path / "a.lfr").write_bytes(lytro_files.photo(raw, values, white=white))
+    (tmp_path / "b.lfr").write_bytes(lytro_files.photo(raw, values))
+    grid = Grid(drawn[0].lattice, *SIZE, diameter=9.0)
+    inside = decode_photo(tmp_path / "a.lfr", grid=grid)
+    for suffix in (".png", ".npy"):
+        write_raw(tmp_path / f"white{suffix}", open_photo(tmp_path / "a.lfr").read_white())
+    light = (white - float(camera["black"])) / (camera["white"] - camera["black"])
+    np.save(tmp_path / "light.npy", (0.3 * light).astype(np.float32))
+    for name, is_scale in (("white.png", True), ("white.npy", True), ("light.npy", False)):
+        decoded = decode_photo(tmp_path / "b.lfr", tmp_path / name, grid=grid)
+        assert decoded.matrix == pytest.approx(inside.matrix)
+        assert decoded.scale == pytest.approx(inside.scale, rel=1e-5)
+        away = np.abs(decoded.light.astype(np.int64) - inside.light)
+        # Demosaicing interpolates along edges, of which rounding turns a few.
+        assert (away > 1).mean() < (1e-12 if is_scale else 2e-4)
+        # Light has no end of its scale.
+        assert any("9.1% of it is clipped" in note and name in note for note in decoded.notes) == is_scale
+    np.save(tmp_path / "large.npy", 16 * white)
+    with pytest.raises(InputError, match=r"large\.npy: holds codes of up to .*, and the camera's end at"):
+        decode_photo(tmp_path / "b.lfr", tmp_path / "large.npy", grid=grid)
+    for wrong, told in ((white[:1], "white.npy: has 420 x 1 pixels"), (white[..., None] + [0, 1, 2], "three colours")):
+        np.save(tmp_path / "white.npy", wrong.astype(np.float32))
+        with pytest.raises(InputError, match=told):
+            decode_photo(tmp_path / "b.lfr", tmp_path / "white.npy", grid=grid)
+
+
+def test_an_exit_pupil_at_the_sensor(tmp_path, drawn):
+    pytest.importorskip("cv2")
+    raw, _ = _codes(drawn, ILLUM, False)
+    lens = {"focalLength": 0.024, "fNumber": 2.0, "exitPupilOffset": {"z": -3e-5}}
+    values = lytro_files.metadata(*SIZE, ILLUM, **lens)
+    values["devices"]["mla"] = {"lensPitch": 1.4e-5, "sensorOffset": {"z": 3e-5}}
+    (tmp_path / "a.lfr").write_bytes(lytro_files.photo(raw, values))
+    grid = Grid(drawn[0].lattice, *SIZE, diameter=9.0)
+    with pytest.raises(InputError, match=r"a\.lfr: exitPupilOffset\.z of its metadata.* -3e-05 m before"):
+        decode_photo(tmp_path / "a.lfr", grid=grid)
+
+
 def test_what_is_unusual_is_said(tmp_path, drawn):
     pytest.importorskip("cv2")
     raw, white = _codes(drawn, ILLUM, True)
@@ -315,7 +368,6 @@ def test_metres_are_those_of_a_lens_with_pupils(lens):
     assert optics.exit_pupil == exit_pupil
 
     from raytracer.film.light_field.resampling import Resampler
-    from raytracer.lightfield.decoding.microlens_grid import Grid
 
     grid = Grid(lattice(10.0, 0.0, (300.0, 225.0)), 600, 450, diameter=9.0)
     resampler = Resampler(grid.lattice, 600, 450)
@@ -346,7 +398,6 @@ def test_metres_are_those_of_a_lens_with_pupils(lens):
 
 def test_a_thin_lens_is_that_of_other_pictures():
     from raytracer.film.light_field.resampling import Resampler
-    from raytracer.lightfield.decoding.microlens_grid import Grid
 
     grid = Grid(lattice(10.0, 0.0, (300.0, 225.0)), 600, 450, diameter=9.0)
     resampler = Resampler(grid.lattice, 600, 450)
@@ -374,6 +425,8 @@ def test_metadata_of_the_cameras(tmp_path):
     )
     illum["devices"]["mla"] = {"lensPitch": 2e-5, "sensorOffset": {"z": 3.7e-5}}
     assert focus_from_metadata(read_metadata(illum)) == pytest.approx(0.3989, abs=1e-4)
+    assert optics_from_metadata(read_metadata(illum), Optics()).focus_distance == pytest.approx(0.3989, abs=1e-4)
+    assert optics_from_metadata(read_metadata(illum), Optics(focus_distance=np.inf)).focus_distance == np.inf
     illum["devices"]["lens"]["infinityLambda"] = 0
     told = read_metadata(illum)
     assert np.isinf(focus_from_metadata(told))

@@ -9,7 +9,7 @@ from typer import Argument, Option
 from raytracer.cli.base import options
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import print_json, report_written
-from raytracer.cli.lightfield.base import Quiet, check_outputs, parse_positive
+from raytracer.cli.lightfield.base import Memory, Quiet, check_outputs, limit_memory, parse_positive
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def calibrate(
     distortion: Annotated[
         bool, Option("--distortion/--no-distortion", help="Estimate the lens's distortion; else it is 0.")
     ] = True,
+    memory: Memory = "2GB",
     as_json: options.AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -58,12 +59,15 @@ def calibrate(
     from raytracer.lightfield.calibrating.calibrate import as_dict, to_json
     from raytracer.lightfield.calibrating.calibrate import calibrate as estimate
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
+    from raytracer.lightfield.decoding.lytro.white_pictures import check_plain_white
     from raytracer.lightfield.decoding.microlens_grid import read_grid
     from raytracer.util.atomic_write import write_bytes
 
     grids = [] if grid is None else [read_grid(grid)]
 
     def decode_raw(picture: str | Path) -> "LightField":
+        if white is not None:
+            check_plain_white(white, picture)
         known = grids[0] if grids else None
         decoded = decode_picture(picture, white, dark=dark, grid=known, bayer=bayer, views=views)
         if white is not None:
@@ -74,7 +78,8 @@ def calibrate(
             print(f"note: {picture}: {note}", file=sys.stderr)
         return decoded.light_field()
 
-    found = estimate(pictures, _parse_corners(corners), size, decode=decode_raw, distorted=distortion)
+    with limit_memory(memory):
+        found = estimate(pictures, _parse_corners(corners), size, decode=decode_raw, distorted=distortion)
     if output is not None:
         write_bytes(output, to_json(found))
         report_written(output, quiet=quiet)

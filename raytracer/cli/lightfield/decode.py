@@ -77,12 +77,20 @@ def decode(
         str | None, takes("LENGTH", "From microlenses to sensor: 25um; default: what fits the f-number.")
     ] = None,
     focus_distance: Annotated[
-        str, takes("LENGTH", "Plane that is sharp on the microlenses, from the lens: 1.5m.")
-    ] = "inf",
+        str | None,
+        takes(
+            "LENGTH",
+            "Plane that is sharp on the microlenses, from the lens: 1.5m; default: by the metadata of a .lfp or .lfr "
+            "file, else inf.",
+        ),
+    ] = None,
     colors: Annotated[
-        Literal["camera", "white"],
-        Option(help="Of a .lfp or .lfr file: by the camera's gains and matrix, or with WHITE's colour as white."),
-    ] = "camera",
+        Literal["camera", "white"] | None,
+        Option(
+            help="Of a .lfp or .lfr file: by the camera's gains and matrix, or with WHITE's colour as white; default: "
+            "camera."
+        ),
+    ] = None,
     memory: Memory = "2GB",
     as_json: options.AsJson = False,
     quiet: Quiet = False,
@@ -96,7 +104,7 @@ def decode(
     if output is not None:
         check_outputs([output], (".lf",), "a light field")
     options.check_f_number(f_number)
-    distance = parse_positive("--focus-distance", focus_distance, "length")
+    distance = None if focus_distance is None else parse_positive("--focus-distance", focus_distance, "length")
     pitch = _length("--pixel-pitch", pixel_pitch, "um")
     focal = _length("--focal-length", focal_length, "mm")
     behind = _length("--microlens-distance", microlens_distance, "um")
@@ -105,11 +113,18 @@ def decode(
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
     from raytracer.lightfield.decoding.lytro.container import is_container
     from raytracer.lightfield.decoding.lytro.decode import decode_photo
+    from raytracer.lightfield.decoding.lytro.white_pictures import check_plain_white
     from raytracer.lightfield.decoding.microlens_grid import Optics, read_grid
     from raytracer.util.progress import Bar
 
     known = None if grid is None else read_grid(grid)
-    given = {"--pixel-pitch": pitch, "--focal-length": focal, "--f-number": f_number, "--microlens-distance": behind}
+    given = {
+        "--pixel-pitch": pitch,
+        "--focal-length": focal,
+        "--f-number": f_number,
+        "--microlens-distance": behind,
+        "--focus-distance": distance,
+    }
     if calibration is not None and (doubled := [name for name, value in given.items() if value is not None]):
         raise InputError(f"--calibration and {doubled[0]} exclude each other: a calibration has the metres")
     optics = (
@@ -121,8 +136,12 @@ def decode(
         for option, value in (("--dark", dark), ("--bayer", bayer), ("--srgb", srgb or None)):
             if value is not None:
                 raise InputError(f"{option}: {raw} is a container, whose metadata say that")
-        make = partial(decode_photo, colors=colors)
+        make = partial(decode_photo, colors=colors or "camera")
     else:
+        if colors is not None:
+            raise InputError(f"--colors: is for photographs of a Lytro, .lfp and .lfr, and {raw} is none")
+        if white is not None:
+            check_plain_white(white, raw)
         make = partial(decode_picture, dark=dark, bayer=bayer, srgb=srgb)
     with limit_memory(memory):
         light_field = make(raw, white, grid=known, views=views, optics=optics)

@@ -35,6 +35,12 @@ _OUTLIER = 1.0
 _UNKNOWN = 0.05
 """Standard error of the focal length, as a share, from which on the boards do not tell it."""
 
+FEWEST_VIEWS = 3
+"""Views of one corner, of which fewer do not tell how it moves from view to view."""
+
+_FEWEST_CORNERS = 4
+"""Corners of a board, of which fewer do not tell how it is seen."""
+
 _FEWEST_BOARDS = 2
 """Pictures of boards: one alone fixes the focal length by its perspective only."""
 
@@ -115,6 +121,9 @@ def _first_guess(
     """Guess intrinsics and poses in closed form."""
     centre = 0.5 * np.array(size)
     middles, slopes = zip(*(_middle_and_slopes(board) for board in boards), strict=True)
+    for board, slope in zip(boards, slopes, strict=True):
+        if np.count_nonzero(np.isfinite(slope)) < _FEWEST_CORNERS:
+            raise InputError(f"{board.name}: fewer than {_FEWEST_CORNERS} corners are seen in {FEWEST_VIEWS} views")
     homographies = [_homography(points[:, :2], middle - centre) for middle in middles]
     rows = []
     for h in homographies:
@@ -158,7 +167,7 @@ def _middle_and_slopes(board: BoardView) -> tuple[Floats, Floats]:
         seen = np.isfinite(corners[:, index, 0])
         steps, places = board.steps[seen], corners[seen, index]
         count = len(steps)
-        if count < 3:
+        if count < FEWEST_VIEWS:
             middle[index], slope[index] = np.nan, np.nan
             continue
         # One slope for both axes.

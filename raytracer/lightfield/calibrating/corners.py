@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LIT_LAYER, LightField
 from raytracer.film.light_field.views import Views
-from raytracer.lightfield.calibrating.bundle_adjustment import BoardView, view_steps
+from raytracer.lightfield.calibrating.bundle_adjustment import FEWEST_VIEWS, BoardView, view_steps
 from raytracer.lightfield.calibrating.checkerboard import differentiate, find_board, refine_corners
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.util.errors import InputError
@@ -30,9 +30,13 @@ def find_corners(field: LightField, rows: int, columns: int, name: str) -> Board
 
     Raises
     ------
-    InputError : the board is not to be seen in the middle view, or in too few others.
+    InputError : there are too few views, or the board is not to be seen in the middle one, or in too few others.
     """
     views = field.views
+    if views.rows * views.columns < FEWEST_VIEWS:
+        raise InputError(
+            f"{name}: has {views.columns} x {views.rows} views, and a calibration needs at least {FEWEST_VIEWS}"
+        )
     middle = (views.rows // 2, views.columns // 2)
     board = find_board(_brightness(field, middle), rows, columns)
     if board is None:

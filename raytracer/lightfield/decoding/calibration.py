@@ -1,9 +1,8 @@
 """Calibration of a microlens grid: its pitch, rotation and offset, from a picture of something evenly white.
 
 The grid's two frequencies are first taken from the peaks of a spectrum (`grid_frequencies`).  Then the middles of
-single
-sub-images are measured (`subimage_phases`), from the middle of what is lit outwards, and a lattice is fitted to them by
-robust least squares: sub-images with dust, or at the edge of the light, fall out.
+single sub-images are measured (`subimage_phases`), from the middle of what is lit outwards, and a lattice is fitted to
+them by robust least squares: sub-images with dust, or at the edge of the light, fall out.
 
 Where a rim of the lens cuts sub-images, towards the border, they are moved by up to some pixels, and all to the same
 side: no outliers, but a smaller pitch.  They also have another shape than those in the middle; the more a shape

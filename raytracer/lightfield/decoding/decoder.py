@@ -20,7 +20,7 @@ from raytracer.film.light_field.resampling import ResampledView, Resampler
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.calibrating.camera import CameraModel
 from raytracer.lightfield.decoding.calibration import find_grid
-from raytracer.lightfield.decoding.memory_needs import require_decoding, require_views
+from raytracer.lightfield.decoding.memory_needs import require_decoding, require_light_field, require_views
 from raytracer.lightfield.decoding.microlens_grid import Grid, Optics
 from raytracer.lightfield.decoding.raw_image import (
     LEAST_LIGHT,
@@ -45,6 +45,9 @@ from raytracer.util.errors import InputError
 
 _WHOLLY_SEEN = 0.999
 """Share of the light of a rectified pixel that comes from lit ones, from which on it is one."""
+
+_PIXEL_BYTES, _SAMPLE_BYTES = 13, 12
+"""Bytes of a pixel of a view in memory, its light and if it is lit, and of the light under one microlens in a view."""
 
 _THREADS = 4
 """Threads that make views: more wait for memory."""
@@ -84,11 +87,15 @@ class Decoded:
         return self._seen(row, column).values
 
     def light_field(self) -> LightField:
-        """Make all views, in memory."""
-        views = self.views
+        """Make all views, in memory; an InputError says that they take more of it than is given."""
+        views, places = self.views, self._places
+        pixels = views.width * views.height
+        stored = _PIXEL_BYTES * pixels + (0 if places is None else _SAMPLE_BYTES * len(places))
+        weight = 0 if self.weight is None else self.weight.nbytes
+        name = str(self.settings["decoded"])
+        require_light_field(name, self.light.nbytes + weight + views.rows * views.columns * stored)
         radiance = np.empty((views.rows, views.columns, views.height, views.width, 3), dtype=np.float32)
         lit = np.empty(radiance.shape[:4], dtype=np.uint8)
-        places = self._places
         values = None if places is None else np.empty((views.rows, views.columns, len(places), 3), dtype=np.float32)
         for place, seen in self._all():
             radiance[place], lit[place] = seen.values, seen.seen
@@ -264,7 +271,7 @@ def _make_decoded(
     try:
         views = nominal.views(grid, resampler)
     except ValueError as error:
-        raise InputError(f"--focus-distance {nominal.focus_distance:g}: {error}") from None
+        raise InputError(f"{name}: {error}") from None
     if camera is not None:
         camera.check_views(views, "--calibration")
         views = camera.views(grid.diameter)

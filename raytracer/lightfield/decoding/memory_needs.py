@@ -48,3 +48,13 @@ def require_views(name: str, kept: int, count: int, width: int, height: int) -> 
     """
     size = kept + _VIEW_PIXEL_BYTES * width * height + _VIEW_BYTES * count * count
     require_memory(size, f"making {count} x {count} views of {name}", _INSTEAD)
+
+
+def require_light_field(name: str, stored: int) -> None:
+    """Refuse to keep all views in memory if their `stored` bytes do not fit.
+
+    Raises
+    ------
+    InputError : they take more memory than is given.
+    """
+    require_memory(stored, f"keeping all views of {name}", "fewer views (--views) take less")

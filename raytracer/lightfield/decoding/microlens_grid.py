@@ -117,14 +117,15 @@ class Optics:
     f_number : of the main lens.
     microlens_distance : from the microlenses to the sensor (um), which is their focal length; by default what makes
         the aperture of the f-number as large as sub-images are.
-    focus_distance : of the plane that is sharp on the microlenses, from the lens (m).
+    focus_distance : of the plane that is sharp on the microlenses, from the lens (m); by default infinity, or what a
+        photograph's metadata say.
     """
 
     pixel_pitch: float | None = None
     focal_length: float | None = None
     f_number: float | None = None
     microlens_distance: float | None = None
-    focus_distance: float = math.inf
+    focus_distance: float | None = None
 
     @property
     def missing(self) -> str:
@@ -138,7 +139,7 @@ class Optics:
     def views(self, grid: Grid, resampler: Resampler) -> Views:
         """Compute the geometry of the views that `resampler` makes: in metres, or else in steps of one view.
 
-        Raises ValueError: the plane that is sharp is within the focal length.
+        Raises ValueError: no lens is sharp so near, or none has its exit pupil there.
         """
         steps = regular_grid(resampler.count, resampler.count)
         if self.missing:
@@ -148,11 +149,8 @@ class Optics:
         assert self.pixel_pitch is not None
         assert self.focal_length is not None
         focal_length, pitch = self.focal_length * METRES_PER_MILLIMETRE, self.pixel_pitch * _METRES_PER_MICROMETRE
-        inverse_focus = 0.0 if math.isinf(self.focus_distance) else 1.0 / self.focus_distance
-        inverse_image = 1.0 / focal_length - inverse_focus
-        if not inverse_image > 0.0:
-            raise ValueError(f"must be more than the focal length, {focal_length:g} m")
-        image = 1.0 / inverse_image
+        inverse_focus = 0.0 if self.focus_distance is None else 1.0 / self.focus_distance
+        image, pupil = self._image_and_pupil(focal_length, inverse_focus)
 
         # A pixel sees through its microlens's middle: similar triangles give its place on the main lens.
         if self.microlens_distance is not None:
@@ -164,8 +162,15 @@ class Optics:
             behind = pitch * image / on_lens
         aperture = grid.diameter * on_lens if self.f_number is None else focal_length / self.f_number
 
-        # Sub-images are spread by 1 + behind / image, as they are seen from the main lens (Ng 2006, sec. 3.3).
-        tangent = pitch / (1.0 + behind / image) / image
+        # Sub-images are spread by 1 + behind / pupil, as they are seen from the main lens (Ng 2006, sec. 3.3).
+        spread = 1.0 + behind / pupil
+        # Microlenses are 1 / spread as far apart as their sub-images, which is less than a sensor.
+        if not grid.lattice.pitch < spread * resampler.raw_width < math.inf:
+            raise ValueError(
+                f"exitPupilOffset.z of its metadata, an exit pupil {pupil:g} m before the microlenses, does not go "
+                f"with a sensor {behind:g} m behind them"
+            )
+        tangent = pitch / spread / image
         half = 0.5 * resampler.pixel
         left = (resampler.first[0] - half - 0.5 * resampler.raw_width) * tangent
         top = (0.5 * resampler.raw_height - resampler.first[1] + half) * tangent
@@ -179,3 +184,16 @@ class Optics:
             aperture=aperture,
             focal_length=self.focal_length,
         )
+
+    def _image_and_pupil(self, focal_length: float, inverse_focus: float) -> tuple[float, float]:
+        """Compute the image distance of a thin lens, and the distance from the exit pupil to the microlenses (m).
+
+        A thin lens is its own exit pupil.  Raises ValueError: the plane that is sharp is within the focal length.
+        """
+        inverse_image = 1.0 / focal_length - inverse_focus
+        if not inverse_image > 0.0:
+            distance = 1.0 / inverse_focus
+            raise ValueError(
+                f"the focus distance, {distance:g} m, must be more than the focal length, {focal_length:g} m"
+            )
+        return 1.0 / inverse_image, 1.0 / inverse_image

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.film.formats.base.image_format import StoredImage
 from raytracer.film.formats.registry import linear_suffixes
+from raytracer.film.light_field import lf
 from raytracer.util.errors import InputError
 
 Floats32 = NDArray[np.float32]
@@ -40,14 +42,21 @@ def source_name(source: Source | None, otherwise: str) -> str:
     return str(source) if isinstance(source, str | Path) else otherwise
 
 
-def read_raw(source: Source, name: str, srgb: bool) -> Floats32:
-    """Read a picture (height, width) or (height, width, 3) in linear light; three equal channels become one."""
+def read_stored(path: str | Path) -> StoredImage:
+    """Read the file of a raw picture as it is stored; an InputError says what is wrong with it."""
     from raytracer.scene.assets.images import read_image
 
+    if Path(path).suffix.lower() == lf.SUFFIX:
+        raise InputError(f"{path}: is a light field already, and no raw picture")
+    return read_image(path)
+
+
+def read_raw(source: Source, name: str, srgb: bool) -> Floats32:
+    """Read a picture (height, width) or (height, width, 3) in linear light; three equal channels become one."""
     if isinstance(source, RawPicture):
         source = source.values
     if isinstance(source, str | Path):
-        image = read_image(source)
+        image = read_stored(source)
         stored = image.texels.dtype == np.float32 and not (srgb and image.integer)
         values = np.asarray(image.texels, np.float32) if stored else image.linear(srgb and image.integer)
     else:
@@ -134,7 +143,7 @@ LEAST_LIGHT = 0.03
 _HOT, _DEAD = 1.6, 0.4
 """Ratios of a pixel to the brightest and the darkest of its eight neighbours, beyond which it is defective."""
 
-_MANY_CLIPPED = 0.001
+MANY_CLIPPED = 0.001
 """Share of clipped pixels from which on a note is made."""
 
 LARGEST_CODE = 65535.0
@@ -180,7 +189,7 @@ def note_clipping(white: Floats32, name: str, notes: list[str]) -> None:
     highest = float(white.max())
     share = np.count_nonzero(white == highest) / white.size
     # A picture rendered without noise may be equal everywhere, without being at the end of a scale.
-    if share > _MANY_CLIPPED and _ends_a_scale(highest):
+    if share > MANY_CLIPPED and _ends_a_scale(highest):
         notes.append(f"{name}: {share:.1%} of it is clipped: the raw picture is too dark there once it is devignetted")
 
 

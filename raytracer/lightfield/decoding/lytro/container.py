@@ -125,10 +125,11 @@ def parse_json(data: bytes) -> dict[str, Any]:
 
     Raises
     ------
-    BrokenFileError : there is no object, or a number that is none.
+    BrokenFileError : there is no object, or a number that is none, or too large for one.
     """
+    decoder = json.JSONDecoder(parse_constant=_refuse, parse_float=_parse_finite)
     try:
-        values, _ = json.JSONDecoder(parse_constant=_refuse).raw_decode(data.decode("utf-8-sig").lstrip())
+        values, _ = decoder.raw_decode(data.decode("utf-8-sig").lstrip())
     except (ValueError, RecursionError) as error:
         raise BrokenFileError("holds metadata that are no JSON") from error
     if not isinstance(values, dict):
@@ -138,6 +139,12 @@ def parse_json(data: bytes) -> dict[str, Any]:
 
 def _refuse(constant: str) -> float:
     raise ValueError(f"{constant} is no number")
+
+
+def _parse_finite(text: str) -> float:
+    # Of 1e999, which JSON allows, Python makes an infinity, which JSON has no word for.
+    number = float(text)
+    return number if math.isfinite(number) else _refuse(text)
 
 
 def _list_sections(file: BinaryIO, size: int) -> Iterator[tuple[str, Section]]:

@@ -9,8 +9,6 @@ from raytracer.film.formats.npy import encode_array
 from raytracer.lightfield.decoding.lytro.photo import Photo, PhotoFile
 from raytracer.util.atomic_write import atomic_write, wrap_os_errors, write_bytes
 
-_BITS = 16
-
 
 def write_raw(path: str | Path, photo: Photo) -> None:
     """Write a raw picture: codes as they are (.npy, uint16), or times a power of two that fills 16 bits (.png).
@@ -25,9 +23,8 @@ def write_raw(path: str | Path, photo: Photo) -> None:
     if path.suffix.lower() == ".npy":
         write_bytes(path, encode_array(photo.codes))
         return
-    shift = max(0, _BITS - photo.metadata.bits + photo.metadata.shift)
     with atomic_write(path) as aside, wrap_os_errors(path):
-        PIL.Image.fromarray(np.left_shift(photo.codes, shift, dtype=np.uint16)).save(aside, "PNG")
+        PIL.Image.fromarray(np.left_shift(photo.codes, photo.metadata.spare_bits, dtype=np.uint16)).save(aside, "PNG")
 
 
 def write_metadata(path: str | Path, photo: PhotoFile) -> None:

@@ -24,6 +24,7 @@ FILTERS = ("r", "gr", "gb", "b")
 
 _LARGEST_SIDE, _LARGEST_NUMBER = 1 << 16, 1e12
 _LARGEST_SHIFT, _LARGEST_CODE = 15, 65535.0
+_WORD_BITS = 16
 _MATRIX = 9
 
 
@@ -93,6 +94,11 @@ class PhotoMetadata:
     camera: str
     serial: str
     time: str
+
+    @property
+    def spare_bits(self) -> int:
+        """Bits by which codes are shifted to the left where they fill 16, as in the files of other programs."""
+        return max(0, _WORD_BITS - self.bits + self.shift)
 
     def filter_levels(self, levels: tuple[float, ...]) -> NDArray[np.float32]:
         """Arrange numbers of the four filters as these lie on the first two rows and columns: (2, 2)."""

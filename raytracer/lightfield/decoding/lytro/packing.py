@@ -5,14 +5,11 @@ D. Dansereau, LFToolbox, LFReadRaw; imageio, plugin lytro (10 bits).
 """
 
 import math
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.util.safe_open import BrokenFileError
-
-Endianness = Literal["big", "little"]
 
 _BYTE = 8
 

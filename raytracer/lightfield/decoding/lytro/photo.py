@@ -31,14 +31,7 @@ class Photo:
 
     def light(self) -> Floats32:
         """Compute the light, (height, width): 0 at the black level of each filter, and at most 1, at the white."""
-        black = self.metadata.filter_levels(self.metadata.black)
-        white = self.metadata.filter_levels(self.metadata.white)
-        light = self.codes.astype(np.float32)
-        for row, column in np.ndindex(2, 2):
-            part = light[row::2, column::2]
-            part -= black[row, column]
-            part /= white[row, column] - black[row, column]
-        return np.minimum(light, np.float32(1.0), out=light)
+        return codes_to_light(self.codes, self.metadata)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +70,17 @@ class PhotoFile:
             data = container.read(reference)
         with name_read_errors(self.path):
             return make_photo(name, self.metadata, data)
+
+
+def codes_to_light(codes: NDArray[np.uint16] | Floats32, metadata: PhotoMetadata) -> Floats32:
+    """Compute the light of codes (height, width), by the levels of the filters; see `Photo.light`."""
+    black, white = metadata.filter_levels(metadata.black), metadata.filter_levels(metadata.white)
+    light = codes.astype(np.float32)
+    for row, column in np.ndindex(2, 2):
+        part = light[row::2, column::2]
+        part -= black[row, column]
+        part /= white[row, column] - black[row, column]
+    return np.minimum(light, np.float32(1.0), out=light)
 
 
 def make_photo(name: str, metadata: PhotoMetadata, data: bytes) -> Photo:

@@ -79,6 +79,20 @@ def holds_white_pictures(path: str | Path) -> bool:
         return "files" in container.contents
 
 
+def check_plain_white(path: str | Path, raw: str | Path) -> None:
+    """Make sure that a white picture is a plain one, as a raw picture needs that is in no container.
+
+    Raises
+    ------
+    InputError : it is a folder, an archive or a container.
+    """
+    if is_container(path) or holds_white_pictures(path):
+        raise InputError(
+            f"{path}: folders, archives and containers of white pictures go with photographs of a Lytro, .lfp and "
+            f".lfr, and {raw} is none"
+        )
+
+
 def find_white_pictures(path: str | Path) -> list[WhitePicture]:
     """Find the white pictures in a folder and those below it, in an archive or a package.
 
@@ -179,5 +193,6 @@ def _list_archive(path: Path) -> Iterator[_Part]:
                 # An archive that is cut off ends with a file that is not whole.
                 if member.isreg() and not member.issparse() and 0 <= member.size <= size - member.offset_data:
                     yield _Part(path, member.name, member.offset_data, member.size)
-    except (tarfile.TarError, ValueError, OverflowError, EOFError) as error:
+    except (tarfile.TarError, ValueError, OverflowError, EOFError, RecursionError) as error:
+        # Headers with the long name of what follows are read one inside the other, however many there are.
         raise BrokenFileError("is no archive (.tar), nor a package (data.C.0) of a camera") from error
