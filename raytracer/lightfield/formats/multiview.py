@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import DEPTH_LAYER, LightField
 from raytracer.film.light_field.lazy_array import LazyArray
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.formats import geometry
@@ -29,7 +29,7 @@ from raytracer.lightfield.formats.base.light_field_format import (
 )
 from raytracer.lightfield.formats.base.scanline_exr import Part, map_parts, open_writer
 from raytracer.util import safe_open
-from raytracer.util.errors import InputError
+from raytracer.util.errors import InputError, abbreviate
 from raytracer.util.progress import Update, report_progress
 
 GEOMETRY = "rt.lightfield"
@@ -131,17 +131,20 @@ def read_multiview(path: Path, options: ImportOptions) -> LightField:
         views = _views_of(read_parts(path))
     if len(views) < 2:
         raise InputError(f"{path}: holds fewer than two views with channels R, G and B, or Y")
-    shapes = {view.radiance.shape for view in views}
-    if len(shapes) > 1:
-        raise InputError(f"{path}: holds views of different sizes: {', '.join(map(str, sorted(shapes)))}")
-    radiance = np.stack([view.radiance for view in views])[None]
+    depths = [view.depth for view in views if view.depth is not None]
+    depths = depths if len(depths) == len(views) else []
+    colours = [plane for view in views for plane in view.colours]
+    windows = sorted({plane.window for plane in (*colours, *depths)})
+    if len(windows) > 1:
+        found = ", ".join(map(str, windows))
+        raise InputError(f"{path}: holds views of different sizes, or parts of them: the data windows {found}")
+    planes = np.array([plane.values for plane in colours], dtype=np.float64)
+    radiance = np.moveaxis(planes.reshape(1, len(views), len(_COLOURS), *planes.shape[1:]), 2, -1)
     steps = geometry.regular_grid(1, len(views))
-    layers = {}
-    if all(view.depth is not None for view in views):
-        layers["depth"] = np.stack([np.asarray(view.depth, dtype=np.float64) for view in views])[None]
+    layers = {DEPTH_LAYER: np.array([plane.values for plane in depths], dtype=np.float64)[None]} if depths else {}
     beside = path.with_suffix(f".{geometry.FILE}")
-    found, units = find_geometry(path, steps, radiance.shape, options, beside=beside)
-    return LightField(radiance, found, layers, settings={"naming": "multiview", **units})
+    geometry_of_all, units = find_geometry(path, steps, radiance.shape, options, beside=beside)
+    return LightField(radiance, geometry_of_all, layers, settings={"naming": "multiview", **units})
 
 
 def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> LightField | None:
@@ -168,7 +171,10 @@ def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> 
         views, units = find_geometry(path, steps, shape, options, beside=path.with_suffix(f".{geometry.FILE}"))
     radiance = LazyChannels(blocks, views, _COLOURS)
     layers = {name: LazyChannels(blocks, views, names) for name, names in stated_layers.items()}
-    return LightField(radiance, views, layers, settings={"naming": "multiview", **units})
+    try:
+        return LightField(radiance, views, layers, settings={"naming": "multiview", **units})
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 class _OwnGeometry(NamedTuple):
@@ -198,14 +204,20 @@ def _parse_geometry(path: Path, text: str) -> _OwnGeometry:
     )
     if not is_known:
         raise InputError(f"{path}: is a broken file of views: it has not the channels of its layers")
+    for name in layers:
+        # What an .lf file cannot hold, in which layers have a path.
+        if not name.isprintable() or "/" in name or name in ("", "."):
+            raise InputError(f"{path}: is a broken file of views: no layer can be called {abbreviate(ascii(name))}")
     return _OwnGeometry(views, units, channels, layers)
 
 
 def _decode_blocks(path: Path, views: Views, types: Mapping[str, "np.dtype[Any]"]) -> list[NDArray[Any]]:
     """Decode all parts, as structured arrays of rows (height,)."""
+    # First, since they refuse a size that is not in the file: NumPy has no type for a row of any width.
+    parts = read_parts(path)
     kind = np.dtype([(f"channel {name}", each, (views.width,)) for name, each in types.items()])
     blocks = []
-    for part in read_parts(path):
+    for part in parts:
         rows = np.zeros(views.height, kind)
         if part.header.height != views.height or part.header.width != views.width:
             raise InputError(f"{path}: holds views of different sizes")
@@ -237,28 +249,41 @@ class LazyChannels(LazyArray):
         return parts
 
 
+class _Plane(NamedTuple):
+    """A channel of a view of another program.
+
+    values : numbers (height, width).
+    window (px) : left, top, right and bottom of its part's data window.
+    """
+
+    values: NDArray[Any]
+    window: tuple[int, int, int, int]
+
+
 class _View(NamedTuple):
     """A view of another program.
 
+    colours : red, green and blue.
     depth : of its pixels, None if the file has none.
     """
 
-    radiance: NDArray[np.float64]
-    depth: NDArray[Any] | None
+    colours: list[_Plane]
+    depth: _Plane | None
 
 
 def _views_of(parts: Sequence[DecodedPart]) -> list[_View]:
     """List the views of a file from left to right."""
-    planes: dict[str, dict[str, NDArray[Any]]] = {}
+    planes: dict[str, dict[str, _Plane]] = {}
     if stated := _stated_views(parts[0].header):
         for channel, plane in parts[0].planes.items():
             view, name = _split_name(channel, stated)
-            planes.setdefault(view, {}).setdefault(name, plane)
+            planes.setdefault(view, {}).setdefault(name, _Plane(plane, parts[0].header.window))
         order = [name for name in stated if name in planes]
     else:
         for part in parts:
             for channel, plane in part.planes.items():
-                planes.setdefault(str(_view_of(part.header)), {}).setdefault(channel, plane)
+                of_view = planes.setdefault(str(_view_of(part.header)), {})
+                of_view.setdefault(channel, _Plane(plane, part.header.window))
         order = list(planes)
     order.sort(key=lambda name: (name != _LEFT) + (name == _RIGHT))
     return [view for view in map(_make_view, (planes[name] for name in order)) if view is not None]
@@ -272,12 +297,12 @@ def _split_name(channel: str, views: Sequence[str]) -> tuple[str, str]:
     return views[0], channel
 
 
-def _make_view(planes: Mapping[str, NDArray[Any]]) -> _View | None:
+def _make_view(planes: Mapping[str, _Plane]) -> _View | None:
     names = next((names for names in (_COLOURS, ("Y", "Y", "Y")) if all(name in planes for name in names)), None)
     if names is None:
         return None
     depth = next((planes[name] for name in ("Z", "depth.Z", "depth") if name in planes), None)
-    return _View(np.stack([np.asarray(planes[name], dtype=np.float64) for name in names], axis=-1), depth)
+    return _View([planes[name] for name in names], depth)
 
 
 FORMATS = (
