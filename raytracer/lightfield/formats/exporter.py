@@ -38,6 +38,11 @@ def check_export(
     folder = chosen.folder(path)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, not a folder")
+    if folder == path and path.suffix[1:].isalpha() and not path.is_dir():
+        raise InputError(
+            f"{path}: {chosen.name} writes a file for each view, and the output names their folder: leave out "
+            f"{path.suffix}, or choose another --layout"
+        )
     check_file(path if folder is None else folder / "view")
     chosen.check_options(path, options)
     if isinstance(field, PosedLightField) and not chosen.takes_posed:

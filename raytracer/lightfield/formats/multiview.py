@@ -22,10 +22,12 @@ from raytracer.lightfield.formats import geometry
 from raytracer.lightfield.formats.base.exr_parts import SUFFIX, DecodedPart, Header, read_headers, read_parts
 from raytracer.lightfield.formats.base.import_geometry import check_same_size, find_geometry
 from raytracer.lightfield.formats.base.light_field_format import (
+    METRES,
     Exported,
     ExportOptions,
     ImportOptions,
     LightFieldFormat,
+    note_left_out,
 )
 from raytracer.lightfield.formats.base.scanline_exr import Part, map_parts, open_writer
 from raytracer.util import safe_open
@@ -89,9 +91,7 @@ def write_multiview(field: LightField, path: Path, options: ExportOptions, updat
                 planes = np.asarray(field.layers[name][place]).reshape(views.height, views.width, len(channels))
                 rows |= {channel: planes[..., i] for i, channel in enumerate(channels)}
             writer.put(number, 0, rows)
-    left_out = [name for name in field.layers if name not in layers] + (["rays"] if field.rays is not None else [])
-    notes = (f"left out, which the format cannot hold: {', '.join(left_out)}",) if left_out else ()
-    return Exported([path], notes=notes)
+    return Exported([path], notes=note_left_out(field, layers))
 
 
 # ---- Import
@@ -99,7 +99,8 @@ def write_multiview(field: LightField, path: Path, options: ExportOptions, updat
 
 def _is_input(path: Path, options: ImportOptions) -> bool:
     """Return True for an .exr file that names several views."""
-    if path.suffix.lower() != SUFFIX or options.rows is not None or options.columns is not None or not path.is_file():
+    del options
+    if path.suffix.lower() != SUFFIX or not path.is_file():
         return False
     with safe_open.name_read_errors(path):
         return _names_views(read_headers(path))
@@ -136,15 +137,14 @@ def read_multiview(path: Path, options: ImportOptions) -> LightField:
     colours = [plane for view in views for plane in view.colours]
     windows = sorted({plane.window for plane in (*colours, *depths)})
     if len(windows) > 1:
-        found = ", ".join(map(str, windows))
-        raise InputError(f"{path}: holds views of different sizes, or parts of them: the data windows {found}")
+        told = ", ".join(map(str, windows))
+        raise InputError(f"{path}: holds views of different sizes, or parts of them: the data windows {told}")
     planes = np.array([plane.values for plane in colours], dtype=np.float64)
     radiance = np.moveaxis(planes.reshape(1, len(views), len(_COLOURS), *planes.shape[1:]), 2, -1)
     steps = geometry.regular_grid(1, len(views))
     layers = {DEPTH_LAYER: np.array([plane.values for plane in depths], dtype=np.float64)[None]} if depths else {}
-    beside = path.with_suffix(f".{geometry.FILE}")
-    geometry_of_all, units = find_geometry(path, steps, radiance.shape, options, beside=beside)
-    return LightField(radiance, geometry_of_all, layers, settings={"naming": "multiview", **units})
+    found, units = find_geometry(path, steps, radiance.shape, options, beside=geometry.beside(path))
+    return LightField(radiance, found, layers, settings={"naming": "multiview", **units})
 
 
 def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> LightField | None:
@@ -152,7 +152,7 @@ def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> 
     text = headers[0].attributes.get(GEOMETRY)
     if not isinstance(text, str):
         return None
-    views, units, channels, stated_layers = _parse_geometry(path, text)
+    views, stated_units, channels, stated_layers = _parse_geometry(path, text)
     first = headers[0]
     if views.rows * views.columns != len(headers):
         raise InputError(f"{path}: is the geometry of {views.rows * views.columns} views, and there are {len(headers)}")
@@ -165,14 +165,14 @@ def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> 
     if blocks is None:
         # Another program has written it again.
         blocks = _decode_blocks(path, views, types)
-    if options.has_metres:
-        steps = geometry.regular_grid(views.rows, views.columns)
-        shape = (views.rows, views.columns, views.height, views.width)
-        views, units = find_geometry(path, steps, shape, options, beside=path.with_suffix(f".{geometry.FILE}"))
     radiance = LazyChannels(blocks, views, _COLOURS)
     layers = {name: LazyChannels(blocks, views, names) for name, names in stated_layers.items()}
+    steps = geometry.regular_grid(views.rows, views.columns)
+    found, units = find_geometry(
+        path, steps, radiance.shape, options, beside=None, stated=lambda: (views, stated_units)
+    )
     try:
-        return LightField(radiance, views, layers, settings={"naming": "multiview", **units})
+        return LightField(radiance, found, layers, settings={"naming": "multiview", **units})
     except ValueError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -315,6 +315,7 @@ FORMATS = (
         check=check_multiview,
         write=write_multiview,
         takes=frozenset(),
+        import_takes=METRES,
         order=30,
     ),
 )

@@ -32,11 +32,13 @@ from raytracer.lightfield.formats.base.camera_frames import (
 )
 from raytracer.lightfield.formats.base.lazy_views import LazyPictures
 from raytracer.lightfield.formats.base.light_field_format import (
+    METRES,
     AnyField,
     Exported,
     ExportOptions,
     ImportOptions,
     LightFieldFormat,
+    note_left_out,
 )
 from raytracer.lightfield.formats.view_folder import check_no_others, check_view_suffix, write_views
 from raytracer.schema.units import METRES_PER_MILLIMETRE
@@ -100,7 +102,7 @@ def write_transforms(field: AnyField, path: Path, options: ExportOptions, update
         own |= {key: value for key, value in known.items() if value is not None}
     text = json.dumps({**shared, "rt": own, "frames": frames}, indent=1, allow_nan=False)
     write_bytes(file, (text + "\n").encode())
-    return Exported([*written, file], clipped)
+    return Exported([*written, file], clipped, note_left_out(field, [DEPTH_LAYER]))
 
 
 def _cameras(posed: PosedViews) -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -255,6 +257,8 @@ FORMATS = (
         check=check_transforms,
         write=write_transforms,
         takes=frozenset({"suffix", "bits"}),
+        # Metres have a sentence of their own.
+        import_takes=METRES | {"allow_files"},
         takes_posed=True,
         folder=_folder,
         order=10,
