@@ -62,22 +62,32 @@ def test_the_library_reads_a_part_for_each_view(tmp_path):
         assert np.array_equal(part.channels["id"].pixels, field.layers["id"][1, 2])
 
 
-def test_a_file_that_another_program_wrote_again_keeps_its_geometry(tmp_path):
-    field = light_field(**layers())
-    export(field, tmp_path / "a.exr")
-    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+def write_again(old, new, window):
+    """Write a file as another program does, with a data window of the last view."""
+    with OpenEXR.File(str(old), separate_channels=True) as file:
         parts = [
             OpenEXR.Part(
                 {
                     **{k: v for k, v in part.header.items() if k in ("view", "rt.lightfield")},
                     "compression": OpenEXR.PIZ_COMPRESSION,
+                    "displayWindow": ((0, 0), (WIDTH, HEIGHT)),
+                    "dataWindow": window if part is file.parts[-1] else ((0, 0), (WIDTH - 1, HEIGHT - 1)),
                 },
                 {name: channel.pixels for name, channel in part.channels.items()},
                 part.name(),
             )
             for part in file.parts
         ]
-        OpenEXR.File(parts).write(str(tmp_path / "b.exr"))
+        OpenEXR.File(parts).write(str(new))
+
+
+def test_a_file_that_another_program_wrote_again_keeps_its_geometry(tmp_path):
+    field = light_field(**layers())
+    export(field, tmp_path / "a.exr")
+    write_again(tmp_path / "a.exr", tmp_path / "b.exr", ((0, 0), (WIDTH - 1, HEIGHT - 1)))
+    write_again(tmp_path / "a.exr", tmp_path / "c.exr", ((1, 0), (WIDTH, HEIGHT - 1)))
+    with pytest.raises(InputError, match=r"c\.exr: holds views of different sizes, or parts of them"):
+        import_views(tmp_path / "c.exr")
     found = import_views(tmp_path / "b.exr")
     assert np.array_equal(np.asarray(found.radiance), field.radiance)
     assert np.array_equal(np.asarray(found.layers["id"]), field.layers["id"])

@@ -72,7 +72,7 @@ def export(
     options : those of the format.  Of folders: `suffix` of the pictures, and `bits`, 16 for .png files of 16 bits.  Of
         one picture: `bits`, and `memory`, bytes of pixels that are held at a time.  Of quilts: `device`; `columns`,
         `rows`, `size` (width, height in px) and `aspect`; `row` of the views; `baseline` (m) or `view_cone` (degrees);
-        `convergence` (m); `depth`, True to take each point from where its depth puts it.
+        `convergence` (m); `depth`, True to take each point from where its depth puts it, and `memory`, bytes for that.
 
     Raises
     ------

@@ -215,12 +215,14 @@ def _decode_blocks(path: Path, views: Views, types: Mapping[str, "np.dtype[Any]"
     """Decode all parts, as structured arrays of rows (height,)."""
     # First, since they refuse a size that is not in the file: NumPy has no type for a row of any width.
     parts = read_parts(path)
+    first = parts[0].header
+    is_same = all(part.header.window == first.window for part in parts)
+    if not is_same or (first.height, first.width) != (views.height, views.width):
+        raise InputError(f"{path}: holds views of different sizes, or parts of them")
     kind = np.dtype([(f"channel {name}", each, (views.width,)) for name, each in types.items()])
     blocks = []
     for part in parts:
         rows = np.zeros(views.height, kind)
-        if part.header.height != views.height or part.header.width != views.width:
-            raise InputError(f"{path}: holds views of different sizes")
         for name in types:
             rows[f"channel {name}"] = part.planes[name]
         blocks.append(rows)

@@ -87,8 +87,9 @@ def _replace(path: Path, views: Views, steps: NDArray[np.float64], options: Impo
     pixel = options.optics.pixel(views.width, views.height)
     changes: dict[str, Any] = {}
     if options.spacing is not None:
-        # What a file says of the lens is in the lengths that it has for the places.
-        position = steps * np.array(_both(path, options.spacing, is_placed))
+        # What a file says of the lens goes with the places that it says.
+        with np.errstate(over="ignore"):
+            position = steps * np.array(_both(path, options.spacing, is_placed))
         changes |= {"position": position, "cell": None, "aperture": None, "coverage": None}
     if options.focus_distance is not None:
         changes["inverse_focus"] = 1.0 / options.focus_distance

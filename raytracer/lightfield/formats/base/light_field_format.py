@@ -71,7 +71,7 @@ class ExportOptions:
     ----------
     suffix : of the pictures of a folder, with the dot.
     bits : of the channels of .png files, 8 or 16.
-    memory : bytes of pixels that are held at a time.
+    memory : bytes of pixels that are held at a time, or that estimating the depth for a quilt may take.
     device : name of a display that sets `columns`, `rows`, `size`, `aspect` and `view_cone`; see `quilt.DEVICES`.
     columns, rows : views of a quilt.
     size (px) : width and height of a quilt.
