@@ -13,7 +13,7 @@ from raytracer.film.formats import pfm
 from raytracer.film.image import Image
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Plane, Pose, Views
-from raytracer.lightfield.formats.exporter import export_array, export_views
+from raytracer.lightfield.formats.exporter import export, export_array, export_views
 from raytracer.lightfield.formats.importer import import_views
 from raytracer.util.errors import InputError
 
@@ -71,6 +71,54 @@ def test_parameters_tell_the_whole_geometry_and_maps_the_depth(tmp_path):
     for path in tmp_path.glob("gt_depth*"):
         path.unlink()
     assert np.allclose(import_views(tmp_path).layers["depth"], field.layers["depth"], rtol=1e-5, atol=0.0)
+
+
+# What an option says, and what it replaces.
+REPLACED = {
+    "spacing": ({"spacing": 0.03}, lambda views: dataclasses.replace(views, position=1.5 * views.position)),
+    "focus": ({"focus_distance": 5.0}, lambda views: dataclasses.replace(views, inverse_focus=0.2)),
+    "parallel": ({"focus_distance": math.inf}, lambda views: dataclasses.replace(views, inverse_focus=0.0)),
+    "vfov": (
+        {"vfov": math.degrees(2.0 * math.atan(0.06))},
+        lambda views: dataclasses.replace(views, plane=Plane(0.02, -0.08, 0.06)),
+    ),
+    "lens": (
+        {"focal_length": 100.0, "sensor": 16.0},
+        lambda views: dataclasses.replace(views, plane=Plane(0.02, -0.08, 0.06)),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REPLACED)
+@pytest.mark.parametrize("source", ["grid", "parameters", "array", "multiview"])
+def test_an_option_replaces_what_a_file_says(tmp_path, source, name):
+    options, change = REPLACED[name]
+    field = light_field()
+    path = tmp_path / {"array": "a.npy", "multiview": "a.exr"}.get(source, "views")
+    export(field, path, layout="hci" if source == "parameters" else source)
+    if source == "parameters":
+        (path / "geometry.json").unlink()
+    found = import_views(path, **options)
+    same(found, LightField(field.radiance, change(field.views)))
+    assert np.allclose(np.concatenate(found.views.pose), np.concatenate(POSE), rtol=0.0, atol=1e-12)
+
+
+def test_half_a_lens_replaces_nothing(tmp_path):
+    export_views(light_field(), tmp_path)
+    with pytest.raises(InputError, match="--focal-length and --sensor go together"):
+        import_views(tmp_path, sensor=36.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "layout"),
+    [("a.webp", None), ("a.txt", None), ("a.png", "grid"), ("a.cfg", "hci"), ("a.png", "transforms")],
+)
+def test_a_name_of_a_file_makes_no_folder(tmp_path, name, layout):
+    with pytest.raises(InputError, match=f"{name}: .* writes a file for each view, and the output names their folder"):
+        export(light_field(), tmp_path / name, layout=layout)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / name).mkdir()
+    assert export(light_field(), tmp_path / name, layout=layout or "grid").files
 
 
 def test_one_map_is_that_of_the_middle(tmp_path):
@@ -295,6 +343,14 @@ WRONG = {
         {**METRES, "spacing": (0.1, 0.2), "vfov": 30.0},
         "--spacing is one length",
     ),
+    "a flip of no places": ("v_0_0", None, {"flip": "x"}, "--flip is of places in Stanford names"),
+    "a flip of places that a file says": (
+        "out_0_0_0_0_ out_0_1_0_5_",
+        text("geometry.json", "{}"),
+        {"flip": "x"},
+        "--flip is of places in names, and geometry.json says where views are",
+    ),
+    "other rows than places": ("out_0_0_0_0_ out_0_1_0_5_", None, {"rows": 2}, "names say 1 rows of 2 views, not"),
     "all at one place": ("out_0_0_5_5_ out_0_1_5_5_", None, {}, "all views are at the same place"),
     "a broken view": ("v_0_0", text("v_0_1.npy", "hello"), {}, "v_0_1.npy: is no NumPy file"),
     "a view of another size": (

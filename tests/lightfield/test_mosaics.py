@@ -1,5 +1,6 @@
 """One picture of all views: side by side or interleaved, in any type, written and read in parts."""
 
+import dataclasses
 import struct
 import zlib
 
@@ -52,6 +53,85 @@ def test_linear_light_is_taken_back_with_all_its_bits(tmp_path, layout, suffix, 
     assert np.array_equal(np.asarray(found.radiance), field.radiance)
     assert np.array_equal(found.radiance[1, ::2, 1:4, ::-3, 1], field.radiance[1, ::2, 1:4, ::-3, 1])
     same_geometry(found, field)
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.exr", "a.png", "a_qs3x4a1.npy"])
+@pytest.mark.parametrize("layout", ["mosaic", "interleaved"])
+def test_a_picture_is_taken_back_by_the_file_beside_it(tmp_path, layout, name):
+    field = light_field()
+    export(field, tmp_path / name, layout=layout)
+    found = import_views(tmp_path / name)
+    same_geometry(found, field)
+    # Half a step of 8 bits in sRGB, where it is widest.
+    assert np.abs(np.asarray(found.radiance) - field.radiance).max() <= (0.0045 if name == "a.png" else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("layout", "options", "sentence"),
+    [
+        (
+            "interleaved",
+            {"layout": "mosaic"},
+            "says that a.npy is of the layout interleaved, and it is to be read as mo",
+        ),
+        (
+            "mosaic",
+            {"interleaved": True},
+            "says that a.npy is of the layout mosaic, and it is to be read as interleaved",
+        ),
+        ("array", {"rows": ROWS, "columns": COLUMNS}, "--columns is of other layouts than array"),
+        ("mosaic", {"rows": HEIGHT}, r"is the geometry of views \(rows, .*\) \(3, 4, 5, 7\); there are \(5, 4, 3, 7\)"),
+        ("mosaic", {"layout": "mosaic", "interleaved": True}, "--interleaved is of other layouts than mosaic"),
+    ],
+)
+def test_options_that_contradict_the_file_beside_are_refused(tmp_path, layout, options, sentence):
+    field = light_field()
+    export(field, tmp_path / "a.npy", layout=layout)
+    with pytest.raises(InputError, match=sentence):
+        import_views(tmp_path / "a.npy", **options)
+
+
+def test_the_file_beside_a_picture_means_no_file_of_another_suffix(tmp_path):
+    field = light_field()
+    export(field, tmp_path / "a.npy")
+    export(field, tmp_path / "a.png", layout="interleaved")
+    assert np.array_equal(np.asarray(import_views(tmp_path / "a.npy").radiance), field.radiance)
+
+
+# Layout, and options of imports that it has not.
+NOT_TAKEN = [
+    ("array", {"rows": 3}),
+    ("array", {"flip": "x"}),
+    ("transforms", {"rows": 3}),
+    ("transforms", {"interleaved": True}),
+    ("multiview", {"rows": 3, "columns": 4}),
+    ("multiview", {"flip": "y"}),
+    ("grid", {"interleaved": True}),
+    ("grid", {"allow_files": ["."]}),
+    ("mosaic", {"flip": "x"}),
+    ("quilt", {"flip": "x"}),
+]
+FILES = {"array": "a.npy", "multiview": "a.exr", "mosaic": "a.png", "interleaved": "a.png", "quilt": "a_qs2x2a1.png"}
+
+
+@pytest.mark.parametrize(("layout", "options"), NOT_TAKEN)
+def test_an_import_refuses_options_of_other_layouts(tmp_path, layout, options):
+    path = tmp_path / FILES.get(layout, "views")
+    export(light_field(), path, layout=layout)
+    flag = next(iter(options)).replace("_", "-")
+    with pytest.raises(InputError, match=f"--({flag}|columns) is of other layouts than {layout}"):
+        import_views(path, **options)
+
+
+@pytest.mark.parametrize("layout", ["grid", "stanford", "hci", "array", "mosaic", "interleaved", "transforms"])
+def test_layers_that_are_left_out_are_told(tmp_path, layout):
+    shape = (ROWS, COLUMNS, HEIGHT, WIDTH)
+    field = light_field(depth=np.ones(shape), lit=np.ones(shape, np.uint8))
+    # The benchmark's grids are of one spacing.
+    square = dataclasses.replace(field.views, position=field.views.position * [1.5, 1.0])
+    result = export(dataclasses.replace(field, views=square), tmp_path / FILES.get(layout, "a"), layout=layout)
+    names = "lit" if layout in ("hci", "transforms") else "depth, lit"
+    assert result.notes == (f"left out, which the format cannot hold: {names}",)
 
 
 # The curve of sRGB is steepest at white, 2.4 / 1.055: half a step of its values.

@@ -1,6 +1,7 @@
 """OpenEXR files of several views: parts, layers, stereo pictures of other programs, and broken ones."""
 
 import json
+import os
 import struct
 
 import numpy as np
@@ -61,22 +62,32 @@ def test_the_library_reads_a_part_for_each_view(tmp_path):
         assert np.array_equal(part.channels["id"].pixels, field.layers["id"][1, 2])
 
 
-def test_a_file_that_another_program_wrote_again_keeps_its_geometry(tmp_path):
-    field = light_field(**layers())
-    export(field, tmp_path / "a.exr")
-    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+def write_again(old, new, window):
+    """Write a file as another program does, with a data window of the last view."""
+    with OpenEXR.File(str(old), separate_channels=True) as file:
         parts = [
             OpenEXR.Part(
                 {
                     **{k: v for k, v in part.header.items() if k in ("view", "rt.lightfield")},
                     "compression": OpenEXR.PIZ_COMPRESSION,
+                    "displayWindow": ((0, 0), (WIDTH, HEIGHT)),
+                    "dataWindow": window if part is file.parts[-1] else ((0, 0), (WIDTH - 1, HEIGHT - 1)),
                 },
                 {name: channel.pixels for name, channel in part.channels.items()},
                 part.name(),
             )
             for part in file.parts
         ]
-        OpenEXR.File(parts).write(str(tmp_path / "b.exr"))
+        OpenEXR.File(parts).write(str(new))
+
+
+def test_a_file_that_another_program_wrote_again_keeps_its_geometry(tmp_path):
+    field = light_field(**layers())
+    export(field, tmp_path / "a.exr")
+    write_again(tmp_path / "a.exr", tmp_path / "b.exr", ((0, 0), (WIDTH - 1, HEIGHT - 1)))
+    write_again(tmp_path / "a.exr", tmp_path / "c.exr", ((1, 0), (WIDTH, HEIGHT - 1)))
+    with pytest.raises(InputError, match=r"c\.exr: holds views of different sizes, or parts of them"):
+        import_views(tmp_path / "c.exr")
     found = import_views(tmp_path / "b.exr")
     assert np.array_equal(np.asarray(found.radiance), field.radiance)
     assert np.array_equal(np.asarray(found.layers["id"]), field.layers["id"])
@@ -161,6 +172,62 @@ def test_views_of_different_sizes_are_refused(tmp_path):
         import_views(tmp_path / "a.exr")
 
 
+WINDOW = {"dataWindow": ((0, 0), (5, 3)), "displayWindow": ((0, 0), (9, 9))}
+OTHER_WINDOWS = {
+    "a small depth": ({"Z": np.ones((2, 6), np.float32)}, ((0, 0), (5, 1))),
+    "a small colour": ({"B": np.ones((4, 2), np.float32)}, ((0, 0), (1, 3))),
+    "a moved colour": ({"B": np.ones((4, 6), np.float32)}, ((1, 0), (6, 3))),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_WINDOWS)
+def test_parts_of_a_view_with_other_data_windows_are_refused(tmp_path, name):
+    """Compositing programs crop each part to what is not empty."""
+    channels, window = OTHER_WINDOWS[name]
+    parts = []
+    for view in ("left", "right"):
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **WINDOW, "view": view}
+        rest = {each: plane for each, plane in planes(1, 2, 3).items() if each not in channels}
+        parts.append(OpenEXR.Part(header, rest, f"{view}.rgb"))
+        parts.append(OpenEXR.Part({**header, "dataWindow": window}, channels, f"{view}.more"))
+    OpenEXR.File(parts).write(str(tmp_path / "a.exr"))
+    with pytest.raises(InputError, match=r"a\.exr: holds views of different sizes, or parts of them: the data windows"):
+        import_views(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize("layout", ["multiview", "mosaic"])
+def test_a_width_that_is_not_in_the_file_is_refused(tmp_path, layout):
+    """A few bytes may claim 2^29 pixels, and NumPy has no type for a row of them."""
+    export(light_field(), tmp_path / "a.exr", layout=layout)
+    parts = (1, 1) if layout == "multiview" else (ROWS, COLUMNS)
+    height, width = parts[0] * HEIGHT, parts[1] * WIDTH
+    kind = b"box2i\0" + struct.pack("<iii", 16, 0, 0)
+    whole = (tmp_path / "a.exr").read_bytes()
+    wide = whole.replace(
+        kind + struct.pack("<ii", width - 1, height - 1), kind + struct.pack("<ii", 2**29 - 1, height - 1)
+    )
+    assert wide != whole
+    if layout == "multiview":
+        wide = wide.replace(b'"width": 7, ', b'"width": 536870912, ')
+        at = wide.index(b"rt.lightfield\0string\0") + len(b"rt.lightfield\0string\0")
+        (size,) = struct.unpack("<i", wide[at : at + 4])
+        wide = wide[:at] + struct.pack("<i", size + len(wide) - len(whole)) + wide[at + 4 :]
+    (tmp_path / "a.exr").write_bytes(wide)
+    views = {"rows": ROWS, "columns": COLUMNS} if layout == "mosaic" else {}
+    with pytest.raises(InputError, match=r"a\.exr") as told:
+        import_views(tmp_path / "a.exr", layout=layout, **views)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.skipif(not os.path.isdir("/dev/fd"), reason="lists the files of a process")
+def test_a_file_of_many_views_takes_one_descriptor(tmp_path):
+    export(light_field(), tmp_path / "a.exr")
+    before = len(os.listdir("/dev/fd"))
+    found = import_views(tmp_path / "a.exr")
+    assert len(os.listdir("/dev/fd")) <= before + 1
+    assert found.radiance.shape[:2] == (ROWS, COLUMNS)
+
+
 def test_a_broken_file_is_told_in_a_sentence(tmp_path):
     field = light_field()
     export(field, tmp_path / "a.exr")
@@ -189,6 +256,12 @@ def test_a_geometry_that_lies_is_refused(tmp_path):
         "has other channels than it says": {"channels": {**stated["channels"], "X": "f4"}},
         "has not the channels of its layers": {"layers": {"depth": ["Z"]}},
         "is no geometry of a light field": {"pixel": "wide"},
+        "layer lit must have one number a pixel": {"layers": {"lit": ["R", "G", "B"]}},
+        "layer depth must have one number a pixel": {"layers": {"depth": ["R", "G", "B"]}},
+        "no layer can be called 'a/b'": {"layers": {"a/b": ["R"]}},
+        r"no layer can be called '\.'": {"layers": {".": ["R"]}},
+        "no layer can be called ''": {"layers": {"": ["R"]}},
+        r"no layer can be called 'a\\x00b'": {"layers": {"a\0b": ["R"]}},
     }
     for sentence, keys in lies.items():
         # As long as it was: its end is blanks.

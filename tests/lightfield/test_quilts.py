@@ -9,6 +9,8 @@ import pytest
 
 from raytracer.cli.lightfield.base import LAYOUTS
 from raytracer.cli.lightfield.export import DEVICES as OFFERED
+from raytracer.cli.lightfield.export import SUFFIXES
+from raytracer.film.formats.registry import picture_suffixes
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Plane, Views
 from raytracer.lightfield.formats.base.light_field_format import ExportOptions
@@ -36,6 +38,7 @@ def row_of_views(columns=6, rows=1, spacing=0.02, inverse_focus=0.5):
 def test_the_layouts_of_the_command_are_the_formats_there_are():
     assert set(LAYOUTS) == set(light_field_formats())
     assert set(OFFERED) == set(DEVICES)
+    assert tuple(f".{suffix}" for suffix in SUFFIXES) == picture_suffixes()
 
 
 def test_the_leftmost_view_is_at_the_bottom_left(tmp_path):
@@ -140,6 +143,14 @@ def test_displays_have_the_quilts_of_their_manual(tmp_path, name):
     assert plan.box[2] / plan.box[3] == pytest.approx(device.aspect, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("name", "device"), [("a_qs11x6a0.56", "go"), ("a_qs7x7a1.78", "16-landscape"), ("a_qs7x7a1.77778", "16-landscape")]
+)
+def test_names_say_the_aspect_in_the_digits_that_they_have(tmp_path, name, device):
+    plan = plan_quilt(row_of_views(), tmp_path / f"{name}.png", ExportOptions(device=device))
+    assert plan.aspect == DEVICES[device].aspect
+
+
 def test_what_does_not_divide_is_empty_at_the_top_and_the_right(tmp_path):
     # 5 columns and 9 rows of 819 x 455 in 4096 x 4096 (HoloPlay Core SDK): here of 4 x 3 in 22 x 29.
     result = export(row_of_views(), tmp_path / "a_qs5x9a1.3333.png", layout="quilt", size=(22, 29))
@@ -185,7 +196,12 @@ WRONG = {
     "no room": ("a_qs3x2a1.png", {"size": (2, 9)}, "a quilt of 2 x 9 pixels cannot hold 3 x 2 views"),
     "no device": ("a_qs3x2a1.png", {"device": "tv"}, "--device tv: must be portrait, go"),
     "16 bits of a jpg": ("a_qs3x2a1.jpg", {"bits": 16}, "--bits are of .png"),
-    "another layout's": ("a_qs3x2a1.png", {"memory": 1}, "--memory is of other layouts than quilt"),
+    "another layout's": ("a_qs3x2a1.png", {"suffix": ".png"}, "--format is of other layouts than quilt"),
+    "memory for nothing": ("a_qs3x2a1.png", {"memory": 1}, "--memory is that of --depth"),
+    "another aspect": ("a_qs3x2a0.75.png", {"aspect": 1.5}, "its name says an aspect of 0.75, and it is to have 1.5"),
+    "half an aspect": ("a_qs3x2a1.png", {"aspect": 1.5}, "its name says an aspect of 1, and it is to have 1.5"),
+    "another display": ("a_qs8x6a1.5.png", {"device": "portrait"}, "says an aspect of 1.5, and it is to have 0.75"),
+    "no memory": ("a_qs3x2a1.png", {"depth": True, "memory": 1000}, "memory: .* 1e-06 GB are given"),
     "a text": ("a.txt", {}, "unknown suffix '.txt' for a quilt"),
 }
 

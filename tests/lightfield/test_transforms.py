@@ -9,6 +9,7 @@ import numpy as np
 import PIL.Image
 import pytest
 
+from raytracer.film import image_file
 from raytracer.film.image import Image
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField
@@ -225,7 +226,11 @@ WRONG = {
     "outside": (framed(file_path="../../q.npy"), "leads out of .*, where files may be named"),
     "a null": (framed(file_path="a\0b"), "names a file by letters that cannot be printed"),
     "half a letter": (framed(depth_file_path="\udc80"), "names a file by letters that cannot be printed"),
-    "a folder": (framed(file_path="."), "no suffix for an image"),
+    "a folder": (framed(file_path="."), "names a picture or a depth by '.', which is no file"),
+    "an empty name": (framed(file_path=""), "names a picture or a depth by '', which is no file"),
+    "an empty depth": (framed(depth_file_path=""), "names a picture or a depth by '', which is no file"),
+    "many digits": (framed(fl_x=10**400), "frame 1: fl_x must be a finite number"),
+    "a scale of many digits": (changed(integer_depth_scale=-(10**400)), "integer_depth_scale must be a finite number"),
     "a long name": (framed(file_path="a" * 300), "cannot be read: File name too long"),
     "no frames": (changed(frames=[]), "has no frames"),
     "a number": (changed(frames=[1]), "has no frames"),
@@ -262,6 +267,14 @@ def test_depths_of_another_size_are_told(tmp_path):
     found = import_views(tmp_path)
     with pytest.raises(InputError, match=r"d\.npy: must be a depth for each of 7 x 5 pixels, is \(3, 3\)"):
         found.layers["depth"][0, 0]
+
+
+def test_the_first_picture_is_read_once(tmp_path, monkeypatch):
+    write_frames(tmp_path, GRID, {**ANGLE, "rt": {"rows": 2}})
+    read, load = [], image_file.load
+    monkeypatch.setattr(image_file, "load", lambda path: read.append(path) or load(path))
+    assert import_views(tmp_path).radiance[0, 0].shape == (*SIZE, 3)
+    assert len(read) == 1
 
 
 def test_files_elsewhere_may_be_allowed(tmp_path):

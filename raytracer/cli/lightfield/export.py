@@ -22,6 +22,9 @@ DEVICES = (
 )
 """Names of the displays whose quilts are known."""
 
+SUFFIXES = ("png", "jpg", "jpeg", "exr", "hdr", "npy", "pfm")
+"""Suffixes that views of a folder can have."""
+
 EXAMPLE = """\b
 Examples:
   rt lightfield export array.lf -o views                          views/view_00_00.png and so on
@@ -57,11 +60,12 @@ def export(
         ),
     ] = None,
     suffix: Annotated[
-        str | None, takes("SUFFIX", "Of the views of a folder: png jpg exr hdr npy.  Default: png.", "--format")
+        str | None, takes("SUFFIX", f"Of the views of a folder: {' '.join(SUFFIXES)}.  Default: png.", "--format")
     ] = None,
     bits: Annotated[int | None, takes("8|16", "Of the channels of .png files.  Default: 8.")] = None,
     memory: Annotated[
-        str | None, takes("SIZE", "Of the pixels of a mosaic that are held at a time: 500MB.  Default: 2GB.")
+        str | None,
+        takes("SIZE", "Of a mosaic's pixels held at a time, or for a quilt's --depth: 500MB.  Default: 2GB."),
     ] = None,
     device: Annotated[
         str | None,

@@ -46,7 +46,9 @@ def import_(
             autocompletion=complete_from(*LAYOUTS),
         ),
     ] = None,
-    rows: Annotated[int | None, Option(help="Rows of views, where names do not say.", min=1, max=4096)] = None,
+    rows: Annotated[
+        int | None, Option(help="Rows of views, where names and files do not say.", min=1, max=4096)
+    ] = None,
     columns: Annotated[int | None, Option(help="Views in a row.", min=1, max=4096)] = None,
     spacing: Annotated[
         str | None, takes("LENGTH[,LENGTH]", "From view to view: 8mm; or to the right and down, 8mm,10mm.")
@@ -79,8 +81,8 @@ def import_(
     """Take over a light field of another program: write it as an .lf file.
 
     Metres need --spacing, --focus-distance, and --vfov or --focal-length with --sensor, unless a parameters.cfg,
-    geometry.json or transforms.json says them; without, places are in steps of one view, and distances in pixels from
-    view to view.
+    geometry.json or transforms.json says them; of the first two, each option replaces what the file says.  Without
+    metres places are in steps of one view, and distances in pixels from view to view.
     """
     check_outputs([output], (".lf",), "a light field")
     if flip not in ("", "x", "y", "xy", "yx"):

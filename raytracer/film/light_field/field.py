@@ -18,6 +18,12 @@ LIT_LAYER = "lit"
 0 where nothing is known, whatever their radiance is; elsewhere 1, or the fraction of what an unvignetted pixel gets.
 """
 
+DEPTH_LAYER = "depth"
+"""The layer of distances along the axis (m)."""
+
+PLAIN_LAYERS = (LIT_LAYER, DEPTH_LAYER)
+"""Layers of one number a pixel, without an axis of channels."""
+
 
 class Samples(NamedTuple):
     """Samples of the microlenses, which the pixels of the views were interpolated from.
@@ -95,8 +101,8 @@ def check_arrays(field: FieldArrays) -> None:
     for name, layer in field.layers.items():
         if tuple(np.shape(layer))[:4] != size:
             raise ValueError(f"layer {name} must be of the views' size, {size}, got {tuple(np.shape(layer))[:4]}")
-    if LIT_LAYER in field.layers and len(np.shape(field.layers[LIT_LAYER])) != len(size):
-        raise ValueError(f"layer {LIT_LAYER} must have one number a pixel")
+        if name in PLAIN_LAYERS and len(np.shape(layer)) != len(size):
+            raise ValueError(f"layer {name} must have one number a pixel")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -38,6 +38,11 @@ def check_export(
     folder = chosen.folder(path)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, not a folder")
+    if folder == path and path.suffix[1:].isalpha() and not path.is_dir():
+        raise InputError(
+            f"{path}: {chosen.name} writes a file for each view, and the output names their folder: leave out "
+            f"{path.suffix}, or choose another --layout"
+        )
     check_file(path if folder is None else folder / "view")
     chosen.check_options(path, options)
     if isinstance(field, PosedLightField) and not chosen.takes_posed:
@@ -67,7 +72,7 @@ def export(
     options : those of the format.  Of folders: `suffix` of the pictures, and `bits`, 16 for .png files of 16 bits.  Of
         one picture: `bits`, and `memory`, bytes of pixels that are held at a time.  Of quilts: `device`; `columns`,
         `rows`, `size` (width, height in px) and `aspect`; `row` of the views; `baseline` (m) or `view_cone` (degrees);
-        `convergence` (m); `depth`, True to take each point from where its depth puts it.
+        `convergence` (m); `depth`, True to take each point from where its depth puts it, and `memory`, bytes for that.
 
     Raises
     ------

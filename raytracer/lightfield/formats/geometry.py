@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -82,12 +83,48 @@ def make_views(
         raise InputError(f"{path}: {error}") from None
 
 
-def to_json(views: Views, units: str | float | None) -> bytes:
-    """Write a geometry as JSON (UTF-8)."""
+def beside(path: Path) -> Path:
+    """Return the file beside a picture or an array of views that holds their geometry: `NAME.geometry.json`."""
+    return path.with_suffix(f".{FILE}")
+
+
+class StatedLayout(NamedTuple):
+    """What the file beside a picture says of the views in it.
+
+    name : of the layout; None if it does not say, or means a file of the same name with another suffix.
+    rows, columns : of views.
+    """
+
+    name: str | None
+    rows: int
+    columns: int
+
+
+def read_layout(path: Path) -> StatedLayout | None:
+    """Read what the file beside a picture says of its layout; None if there is none, or a broken one."""
+    try:
+        text = read_regular(beside(path), _LARGEST)
+        views, _ = parse(beside(path), text)
+    except (OSError, ValueError, InputError):
+        return None
+    values = json.loads(text)
+    name = values.get("layout")
+    is_of_this = isinstance(name, str) and values.get("suffix") == path.suffix.lower()
+    return StatedLayout(name if is_of_this else None, views.rows, views.columns)
+
+
+def stated_layout(path: Path) -> str | None:
+    """Read which layout the file beside a picture says that it has; see `read_layout`."""
+    stated = read_layout(path)
+    return None if stated is None else stated.name
+
+
+def to_json(views: Views, units: str | float | None, more: Mapping[str, str] | None = None) -> bytes:
+    """Write a geometry as JSON (UTF-8), and more keys."""
     values: dict[str, Any] = {"width": views.width, "height": views.height, **views.plane._asdict()}
     values |= {name: getattr(views, name) for name in _NUMBERS}
     values |= {"cell": views.cell, "pose": None if views.pose is None else views.pose._asdict()}
-    values |= {"units": units, "position": views.position.tolist()}
+    values |= {"units": units, **(more or {}), "position": views.position.tolist()}
     given = {name: value for name, value in values.items() if value is not None}
     return (json.dumps(given, indent=1, allow_nan=False) + "\n").encode()
 

@@ -25,8 +25,8 @@ from raytracer.util.safe_open import read_regular
 
 FILE = "parameters.cfg"
 
-DEPTH_LAYER, DISPARITY_MAP = "depth", "disp"
-"""Kinds of maps in names of the benchmark's files; the first is the name of the light field's layer, too."""
+DISPARITY_MAP = "disp"
+"""Kind of maps in names of the benchmark's files; that of distances is the name of the light field's layer."""
 
 _LARGEST = 1 << 20
 """Most bytes of the file: those of the benchmark have one or two thousand."""

@@ -38,8 +38,9 @@ def import_views(
 ) -> LightField | PosedLightField:
     """Import a light field of another program; its views are read as they are asked for.
 
-    Metres need `spacing`, `focus_distance`, and `vfov` or `focal_length` with `sensor`, or files that say as much.
-    Without them places are in steps of one view and `settings["units"]` is "views".
+    Metres need `spacing`, `focus_distance`, and `vfov` or `focal_length` with `sensor`, or files that say as much: each
+    option replaces what a file says.  Without metres places are in steps of one view and `settings["units"]` is
+    "views".
 
     Parameters
     ----------
@@ -56,14 +57,16 @@ def import_views(
 
     Raises
     ------
-    InputError : files are missing, broken, of different sizes or not views, or the options are not enough for metres.
+    InputError : files are missing, broken, of different sizes or not views; the options are not enough for metres, or
+        not of this format.
     """
     path = Path(path)
-    allow_files = further.get("allow_files", ())
+    allow_files = further.get("allow_files") or ()
     optics = ViewOptics(further.get("vfov"), further.get("focal_length"), further.get("sensor"))
     options = ImportOptions(rows, columns, spacing, focus_distance, flip, interleaved, optics, allow_files)
     formats = light_field_formats()
     if layout is not None and layout not in formats:
         raise InputError(f"{path}: layout must be one of {', '.join(formats)}, got {layout!r}")
     chosen = formats[layout] if layout else next(each for each in formats.values() if each.is_input(path, options))
+    chosen.check_options(path, options)
     return chosen.read(path, options)

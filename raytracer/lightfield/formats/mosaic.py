@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raytracer.film.formats.registry import display_suffixes, image_suffixes
 from raytracer.film.light_field.field import LightField
@@ -22,10 +21,12 @@ from raytracer.lightfield.formats.array import write_geometry_beside
 from raytracer.lightfield.formats.base.import_geometry import find_geometry
 from raytracer.lightfield.formats.base.light_field_format import (
     MEMORY,
+    METRES,
     Exported,
     ExportOptions,
     ImportOptions,
     LightFieldFormat,
+    note_left_out,
 )
 from raytracer.lightfield.formats.base.picture_rows import check_picture, count_rows, open_picture
 from raytracer.lightfield.formats.base.stored_picture import LazyMosaic, StoredPicture, open_stored
@@ -34,9 +35,17 @@ from raytracer.util.progress import Update, report_progress
 
 
 def read_mosaic(is_interleaved: bool, path: Path, options: ImportOptions) -> LightField:
-    """Split one picture that shows all views into these."""
-    rows, columns = options.rows, options.columns
+    """Split one picture that shows all views into these; rows and columns as options or the file beside it say."""
     picture = _open(path)
+    stated = geometry.read_layout(path)
+    own = _name(is_interleaved)
+    if stated is not None and stated.name not in (None, own):
+        raise InputError(
+            f"{geometry.beside(path)}: says that {path.name} is of the layout {stated.name}, and it is to be read as "
+            f"{own}: leave out --layout, --interleaved, --rows and --columns"
+        )
+    rows = options.rows if stated is None else options.rows or stated.rows
+    columns = options.columns if stated is None else options.columns or stated.columns
     if rows is None or columns is None:
         raise InputError(f"{path}: is one picture: say --rows and --columns of the views in it")
     height, width = picture.pixels.shape[:2]
@@ -45,10 +54,13 @@ def read_mosaic(is_interleaved: bool, path: Path, options: ImportOptions) -> Lig
             f"{path}: {width} x {height} pixels do not divide into {columns} columns and {rows} rows of views"
         )
     radiance = LazyMosaic(picture, rows, columns, is_interleaved=is_interleaved)
-    beside = path.with_suffix(f".{geometry.FILE}")
     steps = geometry.regular_grid(rows, columns)
-    views, units = find_geometry(path, steps, radiance.shape, options, beside=beside)
+    views, units = find_geometry(path, steps, radiance.shape, options, beside=geometry.beside(path))
     return LightField(radiance, views, settings={"naming": "grid", **units})
+
+
+def _name(is_interleaved: bool) -> str:
+    return "interleaved" if is_interleaved else "mosaic"
 
 
 def _open(path: Path) -> StoredPicture:
@@ -83,7 +95,8 @@ def write_mosaic(
             put(band.transpose(order).reshape(-1, width, 3))
             bright += int(np.count_nonzero(band > 1.0))
     share = bright / (3 * width * height) if path.suffix.lower() in display_suffixes() else 0.0
-    return Exported([path, write_geometry_beside(field, path)], share)
+    files = [path, write_geometry_beside(field, path, _name(is_interleaved))]
+    return Exported(files, share, note_left_out(field))
 
 
 def _bands(field: LightField, rows: int) -> Iterator[tuple[Any, ...]]:
@@ -102,15 +115,8 @@ def _interleaved_bands(field: LightField, rows: int) -> Iterator[tuple[Any, ...]
         yield slice(None), slice(None), slice(top, top + blocks)
 
 
-def split_montage(path: Path, rows: int, columns: int, *, interleaved: bool) -> NDArray[np.float64]:
-    """Split one picture that shows all views into these, (rows, columns, height, width, 3).
-
-    interleaved : True if pixels of all views lie beside each other, as under microlenses (ESLF); else views do.
-
-    Raises InputError: the picture cannot be read, or does not divide into so many views.
-    """
-    options = ImportOptions(rows=rows, columns=columns)
-    return np.asarray(read_mosaic(interleaved, path, options).radiance[:])
+def _is_interleaved(path: Path, options: ImportOptions) -> bool:
+    return not path.is_dir() and (options.interleaved or geometry.stated_layout(path) == _name(True))
 
 
 def _is_picture(path: Path) -> bool:
@@ -119,18 +125,19 @@ def _is_picture(path: Path) -> bool:
 
 FORMATS = (
     LightFieldFormat(
-        "interleaved",
+        _name(True),
         "one picture, the pixels of all views beside each other",
-        is_input=lambda path, options: options.interleaved and not path.is_dir(),
+        is_input=_is_interleaved,
         read=partial(read_mosaic, True),
         is_output=lambda path: False,
         check=check_mosaic,
         write=partial(write_mosaic, True),
         takes=frozenset({"bits", "memory"}),
+        import_takes=METRES | {"rows", "columns", "interleaved"},
         order=25,
     ),
     LightFieldFormat(
-        "mosaic",
+        _name(False),
         "one picture, all views side by side",
         # Whatever no other format takes: its message says what is missing.
         is_input=lambda path, options: not path.is_dir(),
@@ -139,6 +146,7 @@ FORMATS = (
         check=check_mosaic,
         write=partial(write_mosaic, False),
         takes=frozenset({"bits", "memory"}),
+        import_takes=METRES | {"rows", "columns"},
         order=90,
     ),
 )

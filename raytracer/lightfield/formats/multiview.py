@@ -15,21 +15,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import DEPTH_LAYER, LightField
 from raytracer.film.light_field.lazy_array import LazyArray
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.formats import geometry
 from raytracer.lightfield.formats.base.exr_parts import SUFFIX, DecodedPart, Header, read_headers, read_parts
 from raytracer.lightfield.formats.base.import_geometry import check_same_size, find_geometry
 from raytracer.lightfield.formats.base.light_field_format import (
+    METRES,
     Exported,
     ExportOptions,
     ImportOptions,
     LightFieldFormat,
+    note_left_out,
 )
 from raytracer.lightfield.formats.base.scanline_exr import Part, map_parts, open_writer
 from raytracer.util import safe_open
-from raytracer.util.errors import InputError
+from raytracer.util.errors import InputError, abbreviate
 from raytracer.util.progress import Update, report_progress
 
 GEOMETRY = "rt.lightfield"
@@ -89,9 +91,7 @@ def write_multiview(field: LightField, path: Path, options: ExportOptions, updat
                 planes = np.asarray(field.layers[name][place]).reshape(views.height, views.width, len(channels))
                 rows |= {channel: planes[..., i] for i, channel in enumerate(channels)}
             writer.put(number, 0, rows)
-    left_out = [name for name in field.layers if name not in layers] + (["rays"] if field.rays is not None else [])
-    notes = (f"left out, which the format cannot hold: {', '.join(left_out)}",) if left_out else ()
-    return Exported([path], notes=notes)
+    return Exported([path], notes=note_left_out(field, layers))
 
 
 # ---- Import
@@ -99,7 +99,8 @@ def write_multiview(field: LightField, path: Path, options: ExportOptions, updat
 
 def _is_input(path: Path, options: ImportOptions) -> bool:
     """Return True for an .exr file that names several views."""
-    if path.suffix.lower() != SUFFIX or options.rows is not None or options.columns is not None or not path.is_file():
+    del options
+    if path.suffix.lower() != SUFFIX or not path.is_file():
         return False
     with safe_open.name_read_errors(path):
         return _names_views(read_headers(path))
@@ -131,16 +132,18 @@ def read_multiview(path: Path, options: ImportOptions) -> LightField:
         views = _views_of(read_parts(path))
     if len(views) < 2:
         raise InputError(f"{path}: holds fewer than two views with channels R, G and B, or Y")
-    shapes = {view.radiance.shape for view in views}
-    if len(shapes) > 1:
-        raise InputError(f"{path}: holds views of different sizes: {', '.join(map(str, sorted(shapes)))}")
-    radiance = np.stack([view.radiance for view in views])[None]
+    depths = [view.depth for view in views if view.depth is not None]
+    depths = depths if len(depths) == len(views) else []
+    colours = [plane for view in views for plane in view.colours]
+    windows = sorted({plane.window for plane in (*colours, *depths)})
+    if len(windows) > 1:
+        told = ", ".join(map(str, windows))
+        raise InputError(f"{path}: holds views of different sizes, or parts of them: the data windows {told}")
+    planes = np.array([plane.values for plane in colours], dtype=np.float64)
+    radiance = np.moveaxis(planes.reshape(1, len(views), len(_COLOURS), *planes.shape[1:]), 2, -1)
     steps = geometry.regular_grid(1, len(views))
-    layers = {}
-    if all(view.depth is not None for view in views):
-        layers["depth"] = np.stack([np.asarray(view.depth, dtype=np.float64) for view in views])[None]
-    beside = path.with_suffix(f".{geometry.FILE}")
-    found, units = find_geometry(path, steps, radiance.shape, options, beside=beside)
+    layers = {DEPTH_LAYER: np.array([plane.values for plane in depths], dtype=np.float64)[None]} if depths else {}
+    found, units = find_geometry(path, steps, radiance.shape, options, beside=geometry.beside(path))
     return LightField(radiance, found, layers, settings={"naming": "multiview", **units})
 
 
@@ -149,7 +152,7 @@ def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> 
     text = headers[0].attributes.get(GEOMETRY)
     if not isinstance(text, str):
         return None
-    views, units, channels, stated_layers = _parse_geometry(path, text)
+    views, stated_units, channels, stated_layers = _parse_geometry(path, text)
     first = headers[0]
     if views.rows * views.columns != len(headers):
         raise InputError(f"{path}: is the geometry of {views.rows * views.columns} views, and there are {len(headers)}")
@@ -162,13 +165,16 @@ def _read_own(path: Path, headers: Sequence[Header], options: ImportOptions) -> 
     if blocks is None:
         # Another program has written it again.
         blocks = _decode_blocks(path, views, types)
-    if options.has_metres:
-        steps = geometry.regular_grid(views.rows, views.columns)
-        shape = (views.rows, views.columns, views.height, views.width)
-        views, units = find_geometry(path, steps, shape, options, beside=path.with_suffix(f".{geometry.FILE}"))
     radiance = LazyChannels(blocks, views, _COLOURS)
     layers = {name: LazyChannels(blocks, views, names) for name, names in stated_layers.items()}
-    return LightField(radiance, views, layers, settings={"naming": "multiview", **units})
+    steps = geometry.regular_grid(views.rows, views.columns)
+    found, units = find_geometry(
+        path, steps, radiance.shape, options, beside=None, stated=lambda: (views, stated_units)
+    )
+    try:
+        return LightField(radiance, found, layers, settings={"naming": "multiview", **units})
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 class _OwnGeometry(NamedTuple):
@@ -198,17 +204,25 @@ def _parse_geometry(path: Path, text: str) -> _OwnGeometry:
     )
     if not is_known:
         raise InputError(f"{path}: is a broken file of views: it has not the channels of its layers")
+    for name in layers:
+        # What an .lf file cannot hold, in which layers have a path.
+        if not name.isprintable() or "/" in name or name in ("", "."):
+            raise InputError(f"{path}: is a broken file of views: no layer can be called {abbreviate(ascii(name))}")
     return _OwnGeometry(views, units, channels, layers)
 
 
 def _decode_blocks(path: Path, views: Views, types: Mapping[str, "np.dtype[Any]"]) -> list[NDArray[Any]]:
     """Decode all parts, as structured arrays of rows (height,)."""
+    # First, since they refuse a size that is not in the file: NumPy has no type for a row of any width.
+    parts = read_parts(path)
+    first = parts[0].header
+    is_same = all(part.header.window == first.window for part in parts)
+    if not is_same or (first.height, first.width) != (views.height, views.width):
+        raise InputError(f"{path}: holds views of different sizes, or parts of them")
     kind = np.dtype([(f"channel {name}", each, (views.width,)) for name, each in types.items()])
     blocks = []
-    for part in read_parts(path):
+    for part in parts:
         rows = np.zeros(views.height, kind)
-        if part.header.height != views.height or part.header.width != views.width:
-            raise InputError(f"{path}: holds views of different sizes")
         for name in types:
             rows[f"channel {name}"] = part.planes[name]
         blocks.append(rows)
@@ -237,28 +251,41 @@ class LazyChannels(LazyArray):
         return parts
 
 
+class _Plane(NamedTuple):
+    """A channel of a view of another program.
+
+    values : numbers (height, width).
+    window (px) : left, top, right and bottom of its part's data window.
+    """
+
+    values: NDArray[Any]
+    window: tuple[int, int, int, int]
+
+
 class _View(NamedTuple):
     """A view of another program.
 
+    colours : red, green and blue.
     depth : of its pixels, None if the file has none.
     """
 
-    radiance: NDArray[np.float64]
-    depth: NDArray[Any] | None
+    colours: list[_Plane]
+    depth: _Plane | None
 
 
 def _views_of(parts: Sequence[DecodedPart]) -> list[_View]:
     """List the views of a file from left to right."""
-    planes: dict[str, dict[str, NDArray[Any]]] = {}
+    planes: dict[str, dict[str, _Plane]] = {}
     if stated := _stated_views(parts[0].header):
         for channel, plane in parts[0].planes.items():
             view, name = _split_name(channel, stated)
-            planes.setdefault(view, {}).setdefault(name, plane)
+            planes.setdefault(view, {}).setdefault(name, _Plane(plane, parts[0].header.window))
         order = [name for name in stated if name in planes]
     else:
         for part in parts:
             for channel, plane in part.planes.items():
-                planes.setdefault(str(_view_of(part.header)), {}).setdefault(channel, plane)
+                of_view = planes.setdefault(str(_view_of(part.header)), {})
+                of_view.setdefault(channel, _Plane(plane, part.header.window))
         order = list(planes)
     order.sort(key=lambda name: (name != _LEFT) + (name == _RIGHT))
     return [view for view in map(_make_view, (planes[name] for name in order)) if view is not None]
@@ -272,12 +299,12 @@ def _split_name(channel: str, views: Sequence[str]) -> tuple[str, str]:
     return views[0], channel
 
 
-def _make_view(planes: Mapping[str, NDArray[Any]]) -> _View | None:
+def _make_view(planes: Mapping[str, _Plane]) -> _View | None:
     names = next((names for names in (_COLOURS, ("Y", "Y", "Y")) if all(name in planes for name in names)), None)
     if names is None:
         return None
     depth = next((planes[name] for name in ("Z", "depth.Z", "depth") if name in planes), None)
-    return _View(np.stack([np.asarray(planes[name], dtype=np.float64) for name in names], axis=-1), depth)
+    return _View([planes[name] for name in names], depth)
 
 
 FORMATS = (
@@ -290,6 +317,7 @@ FORMATS = (
         check=check_multiview,
         write=write_multiview,
         takes=frozenset(),
+        import_takes=METRES,
         order=30,
     ),
 )

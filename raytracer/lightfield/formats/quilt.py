@@ -9,6 +9,7 @@ table of settings by device) and the HoloPlay Core SDK's guide to quilts (margin
 the Looking Glass toolkit.
 """
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Iterator
@@ -21,13 +22,14 @@ from numpy.typing import NDArray
 from raytracer.film import image_file
 from raytracer.film.formats.registry import display_suffixes, image_suffixes, picture_suffixes
 from raytracer.film.image import Image
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import DEPTH_LAYER, LightField
 from raytracer.film.light_field.lazy_array import LazyArray
 from raytracer.film.light_field.views import Plane, Views
 from raytracer.lightfield.formats import geometry
 from raytracer.lightfield.formats.array import write_geometry_beside
 from raytracer.lightfield.formats.base.import_geometry import find_geometry
 from raytracer.lightfield.formats.base.light_field_format import (
+    METRES,
     Exported,
     ExportOptions,
     ImportOptions,
@@ -42,6 +44,8 @@ from raytracer.util.progress import Update, report_progress
 if TYPE_CHECKING:
     from raytracer.lightfield.depth.depth_map import Depth
 
+_NAME = "quilt"
+
 
 def check_quilt(field: LightField, path: Path, options: ExportOptions) -> None:
     """Check that a quilt can be written; an InputError says why not."""
@@ -51,6 +55,8 @@ def check_quilt(field: LightField, path: Path, options: ExportOptions) -> None:
         raise InputError(f"{path}: unknown suffix {path.suffix!r} for a quilt; known: {known}")
     if options.bits is not None and suffix != ".png":
         raise InputError(f"{path}: --bits are of .png")
+    if options.memory is not None and not options.depth:
+        raise InputError(f"{path}: --memory is that of --depth")
     plan_quilt(field, path, options)
 
 
@@ -59,7 +65,7 @@ def write_quilt(field: LightField, path: Path, options: ExportOptions, update: U
     plan = plan_quilt(field, path, options)
     if NAME.fullmatch(path.stem) is None:
         path = path.with_name(f"{path.stem}_qs{plan.columns}x{plan.rows}a{_format_aspect(plan.aspect)}{path.suffix}")
-    depth = _find_depth(field, plan) if options.depth else None
+    depth = _find_depth(field, plan, options.memory) if options.depth else None
     bands = _bands(field, plan, depth, update)
     suffix = path.suffix.lower()
     bright = 0
@@ -78,7 +84,7 @@ def write_quilt(field: LightField, path: Path, options: ExportOptions, update: U
         _quilt_views(field.views, plan),
         settings={key: value for key, value in field.settings.items() if key == "units"},
     )
-    files = [path, write_geometry_beside(shown, path)]
+    files = [path, write_geometry_beside(shown, path, _NAME)]
     pixels = 3 * plan.size[0] * plan.size[1]
     cropped = 1.0 - plan.box[2] * plan.box[3] / (field.views.width * field.views.height)
     notes = (
@@ -94,14 +100,19 @@ def _format_aspect(aspect: float) -> str:
     return f"{aspect:.4f}".rstrip("0").rstrip(".")
 
 
-def _find_depth(field: LightField, plan: QuiltPlan) -> "Depth":
-    """Get the depth of the view in the middle of the row: from the layer `depth`, or estimated from the views."""
+def _find_depth(field: LightField, plan: QuiltPlan, memory: int | None) -> "Depth":
+    """Get the depth of the view in the middle of the row: from the layer `depth`, or estimated from the views.
+
+    memory : bytes that estimating may take; None for as many as other work may.
+    """
     from raytracer.lightfield.depth.depth_map import Depth, depth_map
+    from raytracer.lightfield.memory import memory_limit
 
     row, column = field.views.nearest(*plan.places.mean(axis=0))
-    layer = field.layers.get("depth")
-    if layer is None or len(layer.shape) != 4 or not field.is_metric:
-        return depth_map(field, row=row, column=column)
+    layer = field.layers.get(DEPTH_LAYER)
+    if layer is None or not field.is_metric:
+        with contextlib.nullcontext() if memory is None else memory_limit(memory):
+            return depth_map(field, row=row, column=column)
     distance = np.asarray(layer[row, column], dtype=np.float64)
     is_known = np.isfinite(distance) & (distance > 0.0)
     # What no ray has met is far away.
@@ -190,7 +201,8 @@ def _quilt_views(views: Views, plan: QuiltPlan) -> Views:
 
 def _is_input(path: Path, options: ImportOptions) -> bool:
     del options
-    return path.suffix.lower() in image_suffixes() and NAME.fullmatch(path.stem) is not None and not path.is_dir()
+    is_named = path.suffix.lower() in image_suffixes() and NAME.fullmatch(path.stem) is not None
+    return is_named and not path.is_dir() and geometry.stated_layout(path) in (None, _NAME)
 
 
 def read_quilt(path: Path, options: ImportOptions) -> LightField:
@@ -209,7 +221,7 @@ def read_quilt(path: Path, options: ImportOptions) -> LightField:
         raise InputError(f"{path}: {width} x {height} pixels have no room for {columns} x {rows} views")
     radiance = LazyQuilt(LazyMosaic(picture, rows, columns, top=height % rows))
     steps = geometry.regular_grid(1, columns * rows)
-    views, units = find_geometry(path, steps, radiance.shape, options, beside=path.with_suffix(f".{geometry.FILE}"))
+    views, units = find_geometry(path, steps, radiance.shape, options, beside=geometry.beside(path))
     settings: dict[str, str | float] = {"naming": "quilt", **units}
     if named and float(named[3]) > 0.0:
         pixel_aspect = float(named[3]) * views.height / views.width
@@ -237,7 +249,7 @@ class LazyQuilt(LazyArray):
 
 FORMATS = (
     LightFieldFormat(
-        "quilt",
+        _NAME,
         "one picture for a Looking Glass display",
         is_input=_is_input,
         read=read_quilt,
@@ -247,9 +259,10 @@ FORMATS = (
         takes=frozenset(
             {
                 *("bits", "device", "columns", "rows", "size", "aspect"),
-                *("row", "baseline", "view_cone", "convergence", "depth"),
+                *("row", "baseline", "view_cone", "convergence", "depth", "memory"),
             }
         ),
+        import_takes=METRES | {"rows", "columns"},
         order=20,
     ),
 )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from raytracer.film.formats.npy import encode_array
 from raytracer.film.formats.registry import image_suffixes
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import DEPTH_LAYER, LightField
 from raytracer.film.light_field.lazy_array import LazyArray
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.film.light_field.posed_views import PosedViews
@@ -32,11 +32,13 @@ from raytracer.lightfield.formats.base.camera_frames import (
 )
 from raytracer.lightfield.formats.base.lazy_views import LazyPictures
 from raytracer.lightfield.formats.base.light_field_format import (
+    METRES,
     AnyField,
     Exported,
     ExportOptions,
     ImportOptions,
     LightFieldFormat,
+    note_left_out,
 )
 from raytracer.lightfield.formats.view_folder import check_no_others, check_view_suffix, write_views
 from raytracer.schema.units import METRES_PER_MILLIMETRE
@@ -49,8 +51,6 @@ from raytracer.util.progress import Update
 FILE = "transforms.json"
 
 _JSON, _NPY = ".json", ".npy"
-
-_DEPTH = "depth"
 
 
 # ---- Export
@@ -85,13 +85,13 @@ def write_transforms(field: AnyField, path: Path, options: ExportOptions, update
     names = _view_names(field, suffix)
     written, clipped = write_views(field, folder / "images", names, options, update)
     posed = field.views if isinstance(field.views, PosedViews) else PosedViews.of(field.views)
-    has_depth = _DEPTH in field.layers and len(np.shape(field.layers[_DEPTH])) == 4
+    has_depth = DEPTH_LAYER in field.layers
     shared, frames = _cameras(posed)
     for (row, column), frame in zip(np.ndindex(posed.rows, posed.columns), frames, strict=True):
         name = names[row][column]
         frame["file_path"] = f"images/{name}"
         if has_depth:
-            depth = np.asarray(field.layers[_DEPTH][row, column], dtype=np.float64) / METRES_PER_MILLIMETRE
+            depth = np.asarray(field.layers[DEPTH_LAYER][row, column], dtype=np.float64) / METRES_PER_MILLIMETRE
             written.append(folder / "depths" / f"{Path(name).stem}{_NPY}")
             write_bytes(written[-1], encode_array(np.where(np.isfinite(depth), depth, 0.0)))
             frame["depth_file_path"] = f"depths/{written[-1].name}"
@@ -102,7 +102,7 @@ def write_transforms(field: AnyField, path: Path, options: ExportOptions, update
         own |= {key: value for key, value in known.items() if value is not None}
     text = json.dumps({**shared, "rt": own, "frames": frames}, indent=1, allow_nan=False)
     write_bytes(file, (text + "\n").encode())
-    return Exported([*written, file], clipped)
+    return Exported([*written, file], clipped, note_left_out(field, [DEPTH_LAYER]))
 
 
 def _cameras(posed: PosedViews) -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -152,20 +152,21 @@ def read_cameras(path: Path, options: ImportOptions) -> AnyField:
     count = len(given.frames)
     stated = given.own.get("rows")
     rows = stated if isinstance(stated, int) and stated > 0 and count % stated == 0 else None
-    first = LazyPictures([pictures[:1]]).shape
-    posed = make_posed_views(file, given.frames, first[3], first[2], rows or 1)
+    in_order = LazyPictures([pictures])
+    height, width = in_order.shape[2:4]
+    posed = make_posed_views(file, given.frames, width, height, rows or 1)
     planar = find_plane(posed)
     order = np.arange(count).reshape(rows or 1, -1).tolist()
     if planar is not None and rows is None:
         order = arrange(posed)
         frames = [given.frames[number] for row in order for number in row]
-        posed = make_posed_views(file, frames, first[3], first[2], len(order))
+        posed = make_posed_views(file, frames, width, height, len(order))
         planar = find_plane(posed)
-    radiance = LazyPictures([[pictures[number] for number in row] for row in order])
+    radiance = in_order.rearrange([[pictures[number] for number in row] for row in order])
     layers: dict[str, Any] = {}
     if all(depth is not None for depth in depths):
         files = [[depths[number] for number in row] for row in order]
-        layers[_DEPTH] = LazyDepths(files, radiance.shape[2:4], given.depth_scale)
+        layers[DEPTH_LAYER] = LazyDepths(files, radiance.shape[2:4], given.depth_scale)
     settings = {"naming": "transforms"}
     if planar is None:
         return PosedLightField(radiance, posed, layers, settings)
@@ -189,6 +190,8 @@ def _find(file: Path, sandbox: PathSandbox, name: str) -> Path:
     """Find a file that a frame names, relative to the folder, and with or without its suffix."""
     if not name.isprintable():
         raise InputError(f"{file}: names a file by letters that cannot be printed: {ascii(name)[:80]}")
+    if not Path(name).name:
+        raise InputError(f"{file}: names a picture or a depth by {name!r}, which is no file")
     if not sandbox.allows(name):
         raise InputError(f"{file}: {sandbox.refusal_message(name)}")
     path = file.parent / name
@@ -254,6 +257,8 @@ FORMATS = (
         check=check_transforms,
         write=write_transforms,
         takes=frozenset({"suffix", "bits"}),
+        # Metres have a sentence of their own.
+        import_takes=METRES | {"allow_files"},
         takes_posed=True,
         folder=_folder,
         order=10,

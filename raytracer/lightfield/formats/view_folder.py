@@ -15,17 +15,19 @@ from numpy.typing import NDArray
 from raytracer.film.formats import pfm
 from raytracer.film.formats.registry import display_suffixes, image_suffixes, picture_suffixes
 from raytracer.film.light_field import lf
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import DEPTH_LAYER, LightField
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.formats import folders, geometry, hci
 from raytracer.lightfield.formats.base.import_geometry import find_geometry
 from raytracer.lightfield.formats.base.lazy_views import LazyPictures, PartialLayer
 from raytracer.lightfield.formats.base.light_field_format import (
+    METRES,
     AnyField,
     Exported,
     ExportOptions,
     ImportOptions,
     LightFieldFormat,
+    note_left_out,
 )
 from raytracer.lightfield.formats.base.picture_rows import save_view
 from raytracer.lightfield.formats.folders import Naming, list_images
@@ -44,14 +46,29 @@ def read_folder(path: Path, options: ImportOptions) -> LightField:
     files = folders.find_views(path, options.rows, options.columns, options.flip)
     radiance = LazyPictures(files.files)
     beside = path / geometry.FILE
-    if parameters is not None and not options.has_metres and not beside.exists():
-        views, units = _hci_views(path / hci.FILE, parameters, radiance.shape), dict[str, str]()
-    else:
-        views, units = find_geometry(
-            path, files.steps, radiance.shape, options, beside=beside, is_placed=files.is_placed
-        )
+    _check_names_take(path, options, files, beside)
+    views, units = find_geometry(
+        path,
+        files.steps,
+        radiance.shape,
+        options,
+        beside=beside,
+        stated=None if parameters is None else partial(_hci_views, path / hci.FILE, parameters, radiance.shape),
+        is_placed=files.is_placed,
+    )
     layers = _ground_truth_layers(path, views) if files.naming == "hci" and not units else {}
     return LightField(radiance, views, layers, settings={"naming": files.naming, **units})
+
+
+def _check_names_take(path: Path, options: ImportOptions, files: folders.ViewFiles, beside: Path) -> None:
+    """Refuse options that the names of the views have no use for."""
+    if options.flip and not files.is_placed:
+        raise InputError(f"{path}: --flip is of places in Stanford names, and these names say none")
+    if options.flip and beside.exists():
+        raise InputError(f"{path}: --flip is of places in names, and {beside.name} says where views are")
+    rows, columns = len(files.files), len(files.files[0])
+    if (options.rows or rows, options.columns or columns) != (rows, columns):
+        raise InputError(f"{path}: names say {rows} rows of {columns} views, not --rows and --columns")
 
 
 def _parameters(folder: Path) -> hci.HciParameters | None:
@@ -60,14 +77,14 @@ def _parameters(folder: Path) -> hci.HciParameters | None:
     return hci.read(folder / hci.FILE) if named and (folder / hci.FILE).exists() else None
 
 
-def _hci_views(path: Path, stated: hci.HciParameters, shape: Sequence[int]) -> Views:
+def _hci_views(path: Path, stated: hci.HciParameters, shape: Sequence[int]) -> tuple[Views, dict[str, str]]:
     """Make the geometry of the benchmark's parameters, and refuse those of another image size."""
     if (stated.height, stated.width) != tuple(shape[2:4]):
         height, width = shape[2:4]
         raise InputError(f"{path}: says {stated.width} x {stated.height} pixels a view; they have {width} x {height}")
     steps = geometry.regular_grid(stated.rows, stated.columns)
-    views, _ = geometry.make_views(path, steps, stated.width, stated.height, stated.known)
-    return dataclasses.replace(views, pose=stated.pose)
+    views, units = geometry.make_views(path, steps, stated.width, stated.height, stated.known)
+    return dataclasses.replace(views, pose=stated.pose), units
 
 
 def _ground_truth_layers(folder: Path, views: Views) -> dict[str, PartialLayer]:
@@ -76,7 +93,7 @@ def _ground_truth_layers(folder: Path, views: Views) -> dict[str, PartialLayer]:
     # Between views that are on no grid disparities say nothing.
     with contextlib.suppress(ValueError):
         step = hci.grid_spacing(views)
-    kinds = (hci.DEPTH_LAYER,) if step is None else (hci.DEPTH_LAYER, hci.DISPARITY_MAP)
+    kinds = (DEPTH_LAYER,) if step is None else (DEPTH_LAYER, hci.DISPARITY_MAP)
     known: dict[tuple[int, int], NDArray[np.float64]] = {}
     middle = views.rows * views.columns // 2
     for number in range(views.rows * views.columns):
@@ -87,12 +104,10 @@ def _ground_truth_layers(folder: Path, views: Views) -> dict[str, PartialLayer]:
                 continue
             values = _read_map(path, views)
             known[divmod(number, views.columns)] = (
-                values if step is None or hci.DEPTH_LAYER in name else hci.disparity_to_depth(values, views, step)
+                values if step is None or DEPTH_LAYER in name else hci.disparity_to_depth(values, views, step)
             )
             break
-    return (
-        {hci.DEPTH_LAYER: PartialLayer(known, (views.rows, views.columns, views.height, views.width))} if known else {}
-    )
+    return {DEPTH_LAYER: PartialLayer(known, (views.rows, views.columns, views.height, views.width))} if known else {}
 
 
 def _read_map(path: Path, views: Views) -> NDArray[np.float64]:
@@ -156,7 +171,8 @@ def write_folder(
     if naming == "hci":
         written += _write_ground_truth(field, folder)
     write_bytes(folder / geometry.FILE, geometry.to_json(field.views, field.settings.get("units")))
-    return Exported([*written, folder / geometry.FILE], clipped)
+    kept = [DEPTH_LAYER] if naming == "hci" else []
+    return Exported([*written, folder / geometry.FILE], clipped, note_left_out(field, kept))
 
 
 def write_views(
@@ -199,11 +215,11 @@ def _write_ground_truth(field: LightField, folder: Path) -> list[Path]:
     step = hci.grid_spacing(views)
     middle = None
     number_in_middle = views.rows * views.columns // 2
-    for number in range(views.rows * views.columns if hci.DEPTH_LAYER in field.layers else 0):
-        depth = np.asarray(field.layers[hci.DEPTH_LAYER][divmod(number, views.columns)], dtype=np.float64)
-        if depth.ndim != 2 or not np.isfinite(depth).any():
+    for number in range(views.rows * views.columns if DEPTH_LAYER in field.layers else 0):
+        depth = np.asarray(field.layers[DEPTH_LAYER][divmod(number, views.columns)], dtype=np.float64)
+        if not np.isfinite(depth).any():
             continue
-        maps = {hci.DEPTH_LAYER: depth, hci.DISPARITY_MAP: hci.depth_to_disparity(depth, views, step)}
+        maps = {DEPTH_LAYER: depth, hci.DISPARITY_MAP: hci.depth_to_disparity(depth, views, step)}
         if number == number_in_middle:
             middle = maps[hci.DISPARITY_MAP]
         for kind, values in maps.items():
@@ -225,6 +241,7 @@ def _make_format(naming: Naming, order: int, summary: str) -> LightFieldFormat:
         check=partial(check_folder_export, naming),
         write=partial(write_folder, naming),
         takes=frozenset({"suffix", "bits"}),
+        import_takes=METRES | {"rows", "columns", "flip"},
         folder=lambda path: path,
         order=order,
     )

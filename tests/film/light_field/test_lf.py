@@ -316,6 +316,7 @@ WRONG = {
     "four channels": (dataset("radiance", np.zeros((*SHAPE[:4], 4))), "must have 3 channels .*, not 4"),
     "other positions": (dataset("position", np.zeros((3, 2, 2))), r"position must be of shape \(2, 3, 2\)"),
     "other layers": (dataset("layers/depth", np.zeros((2, 3, 15, 21))), "layer depth must be of shape"),
+    "a depth with channels": (dataset("layers/depth", np.zeros(SHAPE)), "layer depth must have one number a pixel"),
     "layers that are an array": (dataset("layers", np.zeros(3)), "layers must be a group"),
     "uneven rays": (dataset("rays/weight", np.zeros(51)), "rays must be of shapes"),
     "half of the rays": (without("rays/value"), "has no dataset rays/value"),

@@ -131,6 +131,12 @@ def test_readers_of_views_in_one_plane_refuse_it_in_a_sentence(tmp_path):
         lf.open(tmp_path / "a.lf")
 
 
+def test_a_depth_with_channels_is_no_depth():
+    field = posed_field()
+    with pytest.raises(ValueError, match="layer depth must have one number a pixel"):
+        PosedLightField(field.radiance, field.views, {"depth": np.ones(np.shape(field.radiance))})
+
+
 def _replace(file, name, array):
     del file[name]
     file[name] = array

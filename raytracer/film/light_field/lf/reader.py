@@ -8,7 +8,7 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from raytracer.film.light_field.field import LightField, Rays, Samples
+from raytracer.film.light_field.field import PLAIN_LAYERS, LightField, Rays, Samples
 from raytracer.film.light_field.lf.stored_array import (
     AXES,
     CACHE_BYTES,
@@ -182,6 +182,8 @@ def read_layers(file: Any, path: Path, radiance: StoredArray) -> dict[str, Store
         layer = checked_array(file, f"layers/{name}", path, axes=None, kinds="fiub")
         if layer.shape[:4] != size or layer.ndim > len(AXES):
             raise InputError(f"{path}: layer {name} must be of shape {size} as radiance is, not {layer.shape}")
+        if name in PLAIN_LAYERS and layer.ndim != len(size):
+            raise InputError(f"{path}: layer {name} must have one number a pixel, and is of shape {layer.shape}")
         layers[name] = layer
     return layers
 

@@ -20,20 +20,29 @@ class Header(NamedTuple):
     """The header of a part.
 
     names : of its channels, in their order in the file.
-    width, height (px) : of its data window.
+    window (px) : left, top, right and bottom of its data window, the last pixels included.
     attributes : all of the header, by name.
     """
 
     names: tuple[str, ...]
-    width: int
-    height: int
+    window: tuple[int, int, int, int]
     attributes: Mapping[str, Any]
+
+    @property
+    def width(self) -> int:
+        """Width of the data window (px)."""
+        return self.window[2] - self.window[0] + 1
+
+    @property
+    def height(self) -> int:
+        """Height of the data window (px)."""
+        return self.window[3] - self.window[1] + 1
 
 
 def _header(attributes: Mapping[str, Any]) -> Header:
     (left, top), (right, bottom) = (tuple(int(value) for value in corner) for corner in attributes["dataWindow"])
     names = tuple(channel.name for channel in attributes["channels"])
-    return Header(names, right - left + 1, bottom - top + 1, attributes)
+    return Header(names, (left, top, right, bottom), attributes)
 
 
 def read_headers(path: Path) -> list[Header]:

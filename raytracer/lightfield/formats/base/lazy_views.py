@@ -23,11 +23,17 @@ class LazyPictures(LazyArray):
     Raises InputError, when one is read: a file is broken, or of another size than the first.
     """
 
-    def __init__(self, files: list[list[Path]]) -> None:
+    def __init__(self, files: list[list[Path]], last: tuple[Path, NDArray[np.float64]] | None = None) -> None:
+        """Take the files of views, row by row, and one of their pictures, if it has been read."""
         self._files = files
-        self._last: tuple[Path, NDArray[np.float64]] = (files[0][0], image_file.load(files[0][0]))
+        self._last = (files[0][0], image_file.load(files[0][0])) if last is None else last
+        self._first = self._last[0]
         height, width = self._last[1].shape[:2]
         super().__init__((len(files), len(files[0]), height, width, _CHANNELS), np.dtype(np.float64))
+
+    def rearrange(self, files: list[list[Path]]) -> "LazyPictures":
+        """Return the array of the same pictures in other rows and columns, without reading one again."""
+        return LazyPictures(files, self._last)
 
     def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
         rows, columns, *within = ahead
@@ -41,7 +47,7 @@ class LazyPictures(LazyArray):
         picture = image_file.load(path)
         if picture.shape[:2] != self.shape[2:4]:
             height, width = picture.shape[:2]
-            first = f"{self.shape[3]} x {self.shape[2]} as {self._files[0][0].name} is"
+            first = f"{self.shape[3]} x {self.shape[2]} as {self._first.name} is"
             raise InputError(f"{path}: is of {width} x {height} pixels, and must be {first}: views are of one size")
         self._last = (path, picture)
         return picture

@@ -1,6 +1,6 @@
 """The record by which a module declares a format of light fields, and the options of imports and exports."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -46,10 +46,21 @@ class ImportOptions:
     optics: ViewOptics = field(default_factory=ViewOptics)
     allow_files: AllowFiles = ()
 
+    def given(self) -> set[str]:
+        """Return the names of the options that are given, those of `optics` as well."""
+        default = ImportOptions()
+        names = {each.name for each in fields(self) if getattr(self, each.name) != getattr(default, each.name)}
+        optics = {name for name, value in self.optics._asdict().items() if value is not None}
+        return (names - {"optics"}) | optics
+
     @property
     def has_metres(self) -> bool:
         """Return True if any option tells the geometry in metres."""
-        return any(value is not None for value in (self.spacing, self.focus_distance, *self.optics))
+        return not METRES.isdisjoint(self.given())
+
+
+METRES = frozenset({"spacing", "focus_distance", *ViewOptics._fields})
+"""Names of the options of imports that tell the geometry in metres."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +71,7 @@ class ExportOptions:
     ----------
     suffix : of the pictures of a folder, with the dot.
     bits : of the channels of .png files, 8 or 16.
-    memory : bytes of pixels that are held at a time.
+    memory : bytes of pixels that are held at a time, or that estimating the depth for a quilt may take.
     device : name of a display that sets `columns`, `rows`, `size`, `aspect` and `view_cone`; see `quilt.DEVICES`.
     columns, rows : views of a quilt.
     size (px) : width and height of a quilt.
@@ -86,6 +97,10 @@ class ExportOptions:
     convergence: float | None = None
     depth: bool | None = None
 
+    def given(self) -> set[str]:
+        """Return the names of the options that are given."""
+        return {each.name for each in fields(self) if getattr(self, each.name) is not None}
+
 
 OPTION_NAMES = {"suffix": "format"}
 """Names of options on the command line, where they are not those of `ExportOptions`."""
@@ -103,7 +118,7 @@ class LightFieldFormat:
     is_output : returns True if the name of an output asks for this format.
     check : raises an InputError, before anything is written, if a light field or the options are not for this format.
     write : writes a light field.
-    takes : names of the options of exports that it has.
+    takes, import_takes : names of the options of exports and of imports that it has.
     takes_posed : True if views may have poses of their own; otherwise `check` and `write` are given no others than
         views in one plane.
     folder : returns the folder that an output is written into; None if it is one file.
@@ -118,13 +133,22 @@ class LightFieldFormat:
     check: Callable[[Any, Path, ExportOptions], None]
     write: Callable[[Any, Path, ExportOptions, Update | None], Exported]
     takes: frozenset[str]
+    import_takes: frozenset[str]
     order: int
     takes_posed: bool = False
     folder: Callable[[Path], Path | None] = lambda path: None
 
-    def check_options(self, path: Path, options: ExportOptions) -> None:
+    def check_options(self, path: Path, options: ExportOptions | ImportOptions) -> None:
         """Raise an InputError for an option that the format does not have."""
-        for each in fields(options):
-            if getattr(options, each.name) is not None and each.name not in self.takes:
-                flag = OPTION_NAMES.get(each.name, each.name).replace("_", "-")
-                raise InputError(f"{path}: --{flag} is of other layouts than {self.name}, {self.summary}")
+        takes = self.takes if isinstance(options, ExportOptions) else self.import_takes
+        for name in sorted(options.given() - takes):
+            flag = OPTION_NAMES.get(name, name).replace("_", "-")
+            raise InputError(f"{path}: --{flag} is of other layouts than {self.name}, {self.summary}")
+
+
+def note_left_out(field: AnyField, kept: Iterable[str] = ()) -> tuple[str, ...]:
+    """Make the note of an export on what its format does not hold: all but the radiance and the layers `kept`."""
+    known = {"rays": field.rays, "microlenses": field.samples}
+    names = [name for name in field.layers if name not in set(kept)]
+    names += [name for name, value in known.items() if value is not None]
+    return (f"left out, which the format cannot hold: {', '.join(names)}",) if names else ()

@@ -111,10 +111,19 @@ def plan_quilt(field: LightField, path: Path, options: ExportOptions) -> QuiltPl
     shift = away * ((views.inverse_focus - inverse) / views.plane.pixel) * np.array([1.0, -1.0])
     pixel_aspect = float(field.settings.get(PIXEL_ASPECT, 1.0))
     size, tile, aspect = _sizes(views, path, options, device, (columns, rows), pixel_aspect)
+    if named:
+        _check_named_aspect(path, named[3], aspect)
     box = _common_box(views, shift, aspect / pixel_aspect)
     if box[2] < 1.0 or box[3] < 1.0:
         raise InputError(f"{path}: views that converge there have nothing in common: choose another --convergence")
     return QuiltPlan(columns, rows, size, tile, aspect, places, inverse, shift, box)
+
+
+def _check_named_aspect(path: Path, stated: str, aspect: float) -> None:
+    """Refuse a name that says another aspect than the quilt has, in the digits that it has: two at least."""
+    digits = max(len(stated.partition(".")[2]), 2)
+    if abs(float(stated) - aspect) > 0.5 * 10.0**-digits:
+        raise InputError(f"{path}: its name says an aspect of {stated}, and it is to have {aspect:.6g}")
 
 
 def _device(path: Path, options: ExportOptions) -> Device | None:

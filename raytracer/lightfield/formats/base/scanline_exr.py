@@ -25,6 +25,9 @@ _LONGEST_SHORT_NAME = 31
 
 _PIXEL_TYPES = {"u4": 0, "f2": 1, "f4": 2}
 
+_WIDEST_ROW = 2**31 - 1 - 3 * 4
+"""Most bytes of the channels of a row: NumPy has no longer types than 2^31 - 1, with the numbers before the row."""
+
 
 class Part(NamedTuple):
     """A part of a file.
@@ -120,17 +123,23 @@ def map_parts(path: Path, parts: Sequence[Part], width: int, height: int) -> lis
 
     None if the file is not in this form, or not of these parts: its tables must be those that the writer writes.
     """
+    # As integers of any size, before there is a type of rows: a header of a small file may claim any size.
+    size = path.stat().st_size
+    widths = [width * sum(kind.itemsize for kind in part.channels.values()) for part in parts]
+    if height * sum(widths) > size or max(widths) > _WIDEST_ROW:
+        return None
     types = [row_type(part, width, is_single=len(parts) == 1) for part in parts]
     table_bytes = np.dtype("<u8").itemsize * height * len(parts)
-    size = path.stat().st_size
     start = size - height * sum(kind.itemsize for kind in types)
     if start < table_bytes:
         return None
     tables = np.fromfile(path, "<u8", height * len(parts), offset=start - table_bytes).reshape(len(parts), height)
+    # One map for all parts: each takes a file descriptor.
+    data = np.memmap(path, np.uint8, "r")
     arrays: list[NDArray[Any]] = []
     for kind, table in zip(types, tables, strict=True):
         if not np.array_equal(table, start + kind.itemsize * np.arange(height, dtype="<u8")):
             return None
-        arrays.append(np.memmap(path, kind, "r", start, (height,)))
+        arrays.append(np.ndarray((height,), kind, buffer=data, offset=start))
         start += kind.itemsize * height
     return arrays
