@@ -91,8 +91,9 @@ def test_what_cannot_be_done_in_parts_keeps_to_its_own_estimate(field):
         assert peak_of(work, estimate) <= estimate
 
 
-@pytest.mark.parametrize("size", [(8, 6), (60, 45)], ids=str)
-@pytest.mark.parametrize("kind", ["file", "estimate", "plane"])
+@pytest.mark.parametrize(
+    ("kind", "size"), [("file", (8, 6)), ("file", (60, 45)), ("estimate", (8, 6)), ("plane", (60, 45))]
+)
 def test_pictures_from_anywhere_keep_to_their_estimate(tmp_path, kind, size):
     """Of fewer pixels than views have, and of more; what is left keeps surfaces of views."""
     geometry = views(4, 4, spacing=0.03, width=48, height=40)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from typer import Argument, Option
 
 from raytracer.cli.base import options
-from raytracer.cli.base.options import parse_dimension, parse_sizing, takes
-from raytracer.schema.fields import MAX_MAGNITUDE
+from raytracer.cli.base.options import parse_dimension, parse_sizing, parse_value, takes
+from raytracer.schema.fields import Quantity
 from raytracer.schema.units import Dimension, parse_bytes
 from raytracer.util.errors import InputError
 
@@ -88,19 +88,8 @@ def parse_point(option: str, text: str) -> tuple[float, float, float]:
     parts = text.split(",")
     if len(parts) != 3:
         raise InputError(f"{option} {text}: must be three lengths, x, y and z: 1,0.5,3")
-    x, y, z = (parse_dimension(option, part, "length") for part in parts)
-    if not max(abs(x), abs(y), abs(z)) <= MAX_MAGNITUDE:
-        raise InputError(f"{option} {text}: must be three lengths of at most {MAX_MAGNITUDE:g} m")
+    x, y, z = (parse_value(option, part, Quantity("length")) for part in parts)
     return x, y, z
-
-
-def _parse_up(text: str) -> tuple[float, float, float]:
-    """Parse a direction, and scale it, so that no product of its parts overflows or vanishes."""
-    x, y, z = parse_point("--up", text)
-    largest = max(abs(x), abs(y), abs(z))
-    if largest == 0.0:
-        raise InputError(f"--up {text}: must be a direction, and 0,0,0 is none")
-    return x / largest, y / largest, z / largest
 
 
 class Framing(NamedTuple):
@@ -120,12 +109,15 @@ def parse_framing(up: str | None, vfov: str | None, size: str | None) -> Framing
     angle = None if vfov is None else parse_dimension("--vfov", vfov, "angle")
     if angle is not None and not 0.0 < angle < 180.0:
         raise InputError(f"--vfov {vfov}: must be greater than 0 and less than 180 deg")
-    return Framing(_parse_up("0,1,0" if up is None else up), angle, parse_sizing(size, None).size)
+    direction = (0.0, 1.0, 0.0) if up is None else parse_point("--up", up)
+    if not any(direction):
+        raise InputError(f"--up {up}: must be a direction, and 0,0,0 is none")
+    return Framing(direction, angle, parse_sizing(size, None).size)
 
 
-def require_from(up: str | None, vfov: str | None, size: str | None) -> None:
-    """Refuse options of a picture from a point in the scene, where none is given."""
-    if up is not None or vfov is not None or size is not None:
+def require_from(look_from: str | list[str] | None, up: str | None, vfov: str | None, size: str | None) -> None:
+    """Refuse options of a picture from a point in the scene, where --from gives none."""
+    if not look_from and (up is not None or vfov is not None or size is not None):
         raise InputError("--up, --vfov and --size are those of pictures from points in the scene: give --from too")
 
 
@@ -138,7 +130,7 @@ def aim_cameras(
     cameras = []
     for place in places:
         if place == toward:
-            raise InputError("--from and --toward: must be two places, and a camera at one would look at that itself")
+            raise InputError("--from and --toward: must be two places, and are one")
         with options.name_in_errors("--up"):
             cameras.append(free_camera(place, toward, views, **framing._asdict()))
     return cameras

@@ -158,7 +158,7 @@ def move(
             write_bytes(output, encode(_draw_route(file, route, framing, plane, quiet), kind, fps=fps))
         report_written(output, quiet=quiet)
         return
-    require_from(up, vfov, size)
+    require_from(look_from, up, vfov, size)
     way = _Path(path or "circle", path_radius, frames)
     with limit_memory(memory):
         pictures = _draw_path(file, way, plane is None and depth is not False, plane, quiet)

@@ -86,8 +86,7 @@ def views(
         raise InputError("--distance says how a view between others is made: give --at or --from too")
     if (look_from is None) != (toward is None):
         raise InputError("--from and --toward say from where to look, and where to: give both")
-    if look_from is None:
-        base.require_from(up, vfov, size)
+    base.require_from(look_from, up, vfov, size)
     if depth and distance is not None:
         raise InputError("--depth and --distance: give one of them")
     if scale > 1 and view is None:
