@@ -253,6 +253,10 @@ def test_a_path_goes_through_its_places():
         path_through(places[:1])
 
 
+def test_a_path_without_a_place_has_no_pictures(field):
+    assert list(views_along(field, [])) == []
+
+
 # ---- Commands
 
 

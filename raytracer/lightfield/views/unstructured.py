@@ -121,12 +121,12 @@ def views_along(
 
 def _count_surfaces(field: PosedLightField, cameras: Sequence[FreeCamera]) -> int:
     """Count the surfaces of views that there is memory to keep beside a picture; an InputError if there is none."""
-    largest = max(cameras, key=lambda camera: camera.width * camera.height)
-    pixels, of_view = largest.width * largest.height, field.views.width * field.views.height
+    width, height = max(((c.width, c.height) for c in cameras), key=math.prod, default=(0, 0))
+    pixels, of_view = width * height, field.views.width * field.views.height
     count = count_that_fit(
         pixels * _SUBPIXELS**2 * _SUBPIXEL_BYTES + of_view * _VIEW_BYTES,
         of_view * SURFACE_BYTES,
-        f"a picture of {largest.width} x {largest.height} pixels",
+        f"a picture of {width} x {height} pixels",
         f"a smaller --size takes less, or {MORE_MEMORY}",
     )
     return max(1, min(count, KEPT_BYTES // (of_view * SURFACE_BYTES)))
