@@ -13,7 +13,11 @@ from raytracer.util.errors import InputError
 MEMORY = 2 * 10**9
 """Default of the bytes that work may take."""
 
+MORE_MEMORY = "give more by --memory"
+"""What to do, where nothing takes less."""
+
 _LIMIT: ContextVar[int] = ContextVar("memory", default=MEMORY)
+_RESERVED: ContextVar[float] = ContextVar("reserved", default=0.0)
 
 
 @contextmanager
@@ -36,10 +40,31 @@ def require_memory(size: float, what: str, instead: str) -> None:
     ------
     InputError : it takes more.
     """
-    if size > _LIMIT.get():
-        raise InputError(
-            f"memory: {what} takes {size / 1e9:.3g} GB, and {_LIMIT.get() / 1e9:.3g} GB are given; {instead}"
-        )
+    if size > _left():
+        given = f"{_LIMIT.get() / 1e9:.3g} GB are given"
+        if _RESERVED.get() > 0.0:
+            given = f"{_left() / 1e9:.3g} GB are left, as {given}"
+        raise InputError(f"memory: {what} takes {size / 1e9:.3g} GB, and {given}; {instead}")
+
+
+def _left() -> float:
+    return _LIMIT.get() - _RESERVED.get()
+
+
+@contextmanager
+def reserved_memory(size: float, what: str, instead: str) -> Iterator[None]:
+    """Reserve memory (bytes) in a `with` block, in which other work may take what is left.
+
+    Raises
+    ------
+    InputError : it is more than is given; see `require_memory`.
+    """
+    require_memory(size, what, instead)
+    token = _RESERVED.set(_RESERVED.get() + size)
+    try:
+        yield
+    finally:
+        _RESERVED.reset(token)
 
 
 def count_that_fit(fixed: float, each: float, what: str, instead: str) -> int:
@@ -50,4 +75,4 @@ def count_that_fit(fixed: float, each: float, what: str, instead: str) -> int:
     InputError : not even one does; see `require_memory`.
     """
     require_memory(fixed + each, what, instead)
-    return int((_LIMIT.get() - fixed) / each)
+    return int((_left() - fixed) / each)

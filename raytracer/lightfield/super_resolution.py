@@ -31,7 +31,7 @@ from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import lit_view, within_lens
 from raytracer.lightfield.depth.depth_map import Depth, depth_map
 from raytracer.lightfield.kernels.super_resolution import add_samples, find_places, multiply, reject_samples, spread
-from raytracer.lightfield.memory import require_memory
+from raytracer.lightfield.memory import MORE_MEMORY, require_memory
 from raytracer.lightfield.splines import Spline, sqrt_tone
 from raytracer.util.errors import InputError
 from raytracer.util.progress import Update, report_progress
@@ -92,7 +92,7 @@ def supersampled(
     count = threads or os.cpu_count() or 1
     pixels = factor**2 * field.views.width * field.views.height
     size = pixels * (_EQUATION_BYTES + _SOLVER_BYTES * min(count, len(_PRIORS)))
-    require_memory(size, f"super-resolution {factor} times as fine", "fewer threads or a smaller scale take less")
+    require_memory(size, f"super-resolution {factor} times as fine", f"a smaller --scale takes less, or {MORE_MEMORY}")
     with ThreadPoolExecutor(count) as pool:
         if depth is None:
             depth = depth_map(field, threads=threads, update=update)

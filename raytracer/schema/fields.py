@@ -247,9 +247,8 @@ class Triple(Check):
         return replace(self.component, tiny=not (self.component.nonzero or self.component.low_open))
 
     def _wanted(self) -> str:
-        return f"{self.noun} of three numbers" + (
-            " (or one for all three, or '#rrggbb' in sRGB)" if self.single else ""
-        )
+        others = ["one for all three"] * self.single + ["'#rrggbb' in sRGB"] * self.color
+        return f"{self.noun} of three numbers" + (f" (or {', or '.join(others)})" if others else "")
 
     def json_schema(self) -> JsonSchemaValue:
         result = list_schema(self.component, 3, single=self.single)
@@ -260,16 +259,18 @@ class Triple(Check):
 
 @dataclass(frozen=True)
 class Pair(Check):
-    """Annotation of a field of two numbers, right and up, each checked by `component`; one stands for both."""
+    """Annotation of a field of two numbers, each checked by `component`; one stands for both."""
 
     component: Quantity
+    meaning: str = "to the right and upwards"
+    """What the two are, for the sentence about a wrong one."""
 
     def __call__(self, value: Any) -> tuple[float, float]:
         if not isinstance(value, list | tuple):
             number = self.component(value)
             return number, number
         if len(value) != 2:
-            raise ValueError(f"must be one number, or two, to the right and upwards, got {format_value(value)}")
+            raise ValueError(f"must be one number, or two, {self.meaning}, got {format_value(value)}")
         return check_item(value[0], self.component, (0,)), check_item(value[1], self.component, (1,))
 
     def json_schema(self) -> JsonSchemaValue:

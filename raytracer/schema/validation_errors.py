@@ -1,5 +1,7 @@
 """Say in one sentence what pydantic found wrong, with the file, the line and the key."""
 
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
@@ -12,6 +14,9 @@ _MAX_ERRORS_SORTED = 200
 """Errors that are sorted by their line: to sort them takes time in proportion to the square of their number."""
 
 _MAX_ERRORS_TOLD = 10
+
+_BRANCH = re.compile(r"(function-\w+|tuple)\[.*\]", re.DOTALL)
+"""Names that pydantic gives the branches of a union, in paths."""
 
 
 def error_sentence(error: ErrorDetails) -> str:
@@ -70,7 +75,7 @@ def first_error(error: ValidationError, root: Node | None, file: str | None) -> 
 
     Of the first `_MAX_ERRORS_SORTED` that pydantic lists.
     """
-    items = error.errors(include_url=False)[:_MAX_ERRORS_SORTED]
+    items = _join_branches(error.errors(include_url=False)[:_MAX_ERRORS_SORTED])
     # pydantic counts only the right items of a list, so a list with a wrong item may seem too short as well.
     wrong = [
         item
@@ -85,6 +90,55 @@ def first_error(error: ValidationError, root: Node | None, file: str | None) -> 
     first, *others = sorted(by_place.values(), key=lambda item: (item.source is None, item.line or 0))
     first.others = others[: _MAX_ERRORS_TOLD - 1]
     return first
+
+
+def _join_branches(items: Sequence[ErrorDetails]) -> list[ErrorDetails]:
+    """Replace the errors of all branches of a union, each with the branch's name in its path, by those of the value.
+
+    They are those of a list's items, if a branch takes a list of that length; else one of the value, which says of what
+    length a list may be.
+    """
+    joined: list[ErrorDetails] = []
+    unions: dict[KeyPath, dict[str, list[ErrorDetails]]] = {}
+    for item in items:
+        path = item["loc"]
+        at, branch = next(
+            ((at, step) for at, step in enumerate(path) if isinstance(step, str) and _BRANCH.fullmatch(step)), (0, "")
+        )
+        if not branch:
+            joined.append(item)
+            continue
+        of_value: ErrorDetails = {**item, "loc": (*path[:at], *path[at + 1 :])}
+        unions.setdefault(path[:at], {}).setdefault(branch, []).append(of_value)
+    for path, branches in unions.items():
+        of_items = [errors for errors in branches.values() if all(_is_of_item(error, path) for error in errors)]
+        joined += of_items[0] if of_items else [_of_all(branches)]
+    return joined
+
+
+def _is_of_item(error: ErrorDetails, path: KeyPath) -> bool:
+    """Tell if an error is of an item of the list at a path, not of that list or its length."""
+    is_missing = error["type"] == "missing" and len(error["loc"]) == len(path) + 1
+    return _is_below(error["loc"], path) and not is_missing
+
+
+def _of_all(branches: Mapping[str, Sequence[ErrorDetails]]) -> ErrorDetails:
+    """Return the error of the first branch of a union, with the lists that other branches take."""
+    first = next(iter(branches.values()))[0]
+    wanted, is_told, got = error_sentence(first).rpartition(", got ")
+    lists = "".join(f", or a list of {_items(branch)}" for branch in branches if branch.startswith("tuple["))
+    if not is_told or not lists:
+        return first
+    return {**first, "type": "value_error", "ctx": {"error": f"{wanted}{lists}{is_told}{got}"}}
+
+
+def _items(branch: str) -> int:
+    """Count the items of a tuple by the name that pydantic gives it: `tuple[...]`, with a name for each."""
+    depth, count = 0, 1
+    for letter in branch:
+        depth += (letter in "[(") - (letter in "])")
+        count += letter == "," and depth == 1
+    return count
 
 
 def _is_below(path: KeyPath, above: KeyPath) -> bool:

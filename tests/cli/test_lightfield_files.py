@@ -9,9 +9,12 @@ import pytest
 
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.layout import NO_LIGHT_FIELD_MESSAGE
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.film.light_field.posed_views import PosedViews
 from raytracer.film.light_field.views import Plane, Views
+from raytracer.plugins.cameras.base.interface import CameraSpec
+from raytracer.schema.registry import CAMERAS
 from tests.lightfield.test_capturing import SCENE as ARRAY
 
 SCENE = """\
@@ -113,7 +116,23 @@ def test_a_picture_of_one_view_is_refused_before_it_is_rendered(camera, keys, op
     Path("scene.yaml").write_text(SCENE.replace("CAMERA", camera).replace("KEYS", keys))
     assert refused(f"render scene.yaml -o a.lf {options}") == (
         "rt: a.lf: the picture is of one view, or a part of one, and no light field: render the whole picture of a "
-        "camera_array, light_slab or light_field, or of a thin_lens with the AOV rays\n"
+        "camera_array, light_slab, camera_sphere, camera_box or light_field, or of a thin_lens with the AOV rays\n"
+    )
+
+
+def test_all_cameras_of_many_views_are_named_where_there_is_one():
+    kinds = [kind for kind, spec in CAMERAS.specs().items() if spec.layout is not CameraSpec.layout]
+    assert "camera_box" in kinds
+    assert [kind for kind in kinds if kind not in NO_LIGHT_FIELD_MESSAGE] == []
+
+
+@pytest.mark.parametrize("command", ["render", "lightfield render"])
+def test_microlenses_that_are_larger_than_the_film_are_what_leaves_no_views(command, here, refused):
+    keys = ", focus_distance: 3, focal_length: 50, f_number: 2, microlenses: {pixels: 1000}"
+    Path("scene.yaml").write_text(SCENE.replace("CAMERA", "light_field").replace(", vfov: 40KEYS", keys))
+    assert refused(f"{command} scene.yaml -o a.lf") == (
+        "rt: a.lf: the picture of 12 x 9 pixels has no room for sub-images of 1000 pixels side by side, and so holds "
+        "no views: give a film with more pixels, or smaller microlenses\n"
     )
 
 

@@ -8,6 +8,7 @@ import PIL.Image
 import pytest
 
 from raytracer.cli.base.app import main
+from raytracer.cli.lightfield import base
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.film.light_field.posed_views import PosedViews
@@ -265,6 +266,10 @@ def test_a_path_goes_through_its_places():
         path_through(places[:1])
 
 
+def test_a_path_without_a_place_has_no_pictures(field):
+    assert list(views_along(field, [])) == []
+
+
 # ---- Commands
 
 
@@ -311,10 +316,28 @@ def test_move_goes_round(file, tmp_path):
         (("views", "--from", "1,2,3"), "--from and --toward"),
         (("views", "--from", "1,2", "--toward", "0,0,0"), "--from 1,2: must be three lengths"),
         (("views", "--size", "3x3"), "--vfov and --size"),
+        (("views", "--up", "0,0,1"), "--up, --vfov and --size are those of pictures from points in the scene: give"),
+        (("views", *FROM_ABOVE, "--depth"), "--depth says how a view between others is made: give --at too"),
+        (("views", "--from", "inf,0,0", "--toward", "0,0,0"), "--from inf: must be finite"),
+        (("views", "--from", "0,0,0", "--toward", "0,-0,0"), "balls.lf: --from and --toward: must be two places"),
+        (("views", *FROM_ABOVE, "--vfov", "200"), "--vfov 200: must be greater than 0 and less than 180 deg"),
+        (("views", *FROM_ABOVE, "--size", "999999999x999999999"), "memory: a picture of 999999999 x 999999999 pixels"),
+        (("views", *FROM_ABOVE, "--memory", "1MB", "--size", "2000x1500"), "a smaller --size takes less, or give more"),
         (("views", "--at", "0,0"), "--at needs views in one plane"),
         (("views", "--view", "1,2", "--scale", "2"), "--scale needs views in one plane"),
-        (("views", *FROM_ABOVE, "--up", "1.6,1.3,1.9"), "balls.lf: up is along the view"),
-        (("move",), "its views have poses of their own"),
+        (("views", *FROM_ABOVE, "--up", "1.6,1.3,1.9"), "balls.lf: --up: up is along the view"),
+        (("move",), "these have poses of their own: give --from and --toward"),
+        (("move", *FROM_ABOVE, "--up", "0,0,0"), "--up 0,0,0: must be a direction, and 0,0,0 is none"),
+        (("move", *FROM_ABOVE, "--up", "1.6,1.3,1.9"), "balls.lf: --up: up is along the view"),
+        (("move", *FROM_ABOVE, "--from", "1e200,0,0"), "--from 1e200: must be 0, or of a magnitude between 1e-30"),
+        (("move", "--from", "1e-200,0,0", "--toward", "0,0,0"), "--from 1e-200: must be 0, or of a magnitude"),
+        (("move", "--from", "1,2,3", "--toward", "1,2,3"), "balls.lf: --from and --toward: must be two places"),
+        (("move", *FROM_ABOVE, "--no-depth"), "--path, --radius and --depth are those of a path among the views"),
+        (("move", *FROM_ABOVE, "--path", "circle"), "--path, --radius and --depth are those of a path among the views"),
+        (("move", *FROM_ABOVE, "--radius", "1mm"), "--path, --radius and --depth are those of a path among the views"),
+        (("move", "--depth", "--distance", "3"), "--depth and --distance: give one of them"),
+        (("move", *FROM_ABOVE, "--memory", "0.5MB"), "memory: an animation of 24 frames takes"),
+        (("move", *FROM_ABOVE, "--memory", "1MB"), "GB are left, as 0.001 GB are given"),
         (("move", "--toward", "0,0,0"), "--from and --toward"),
         (("move", "--vfov", "30"), "--vfov and --size"),
     ],
@@ -323,7 +346,9 @@ def test_what_cannot_be_drawn_is_told_in_a_sentence(file, tmp_path, capsys, argu
     command, *options = arguments
     out = tmp_path / ("a.gif" if command == "move" else "a.png")
     assert run(command, file, *options, "-o", out) == 2
-    assert sentence in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
     assert not out.exists()
 
 
@@ -336,13 +361,23 @@ def test_a_place_from_which_nothing_is_known_is_told(field, tmp_path, capsys):
     places = f"--from={2 * x},{2 * y},{2 * z}", f"--toward={3 * x},{3 * y},{3 * z}"
     assert run("views", tmp_path / "one.lf", *places, "-o", tmp_path / "a.png") == 2
     assert "one.lf: nothing is known of what is seen from there" in capsys.readouterr().err
+    # Of ten frames, too: ten tenths of them, added up, are less than all.
+    farther = f"--from={2.1 * x},{2.1 * y},{2.1 * z}", "--frames", "10", "--size", "4x4"
+    assert run("move", tmp_path / "one.lf", *places, *farther, "-o", tmp_path / "a.gif") == 2
+    assert "one.lf: nothing is known of what is seen from there" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.9987, "99.9 %"), (0.0063, "0.630 %")])
+def test_a_share_that_is_not_known_is_told_in_percent(capsys, share, told):
+    base.report_unknown(share, quiet=False)
+    assert capsys.readouterr().err.startswith(f"nothing is known of {told} of the pixels")
 
 
 def test_info_tells_where_views_stand(file, capsys):
     assert run("info", file, "--check") == 0
     told = capsys.readouterr().out
     assert "poses          72, of its own for each view" in told
-    assert "3 to 3 off" in told
+    assert "all look at    0, 0, 0 m, or away from it, 3 off" in told
 
 
 @pytest.mark.parametrize("command", ["refocus --distance 2", "depth", "epi --line 3", "all-in-focus"])

@@ -7,14 +7,19 @@ import numpy as np
 import pytest
 
 from raytracer.cli.base.app import main
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.lf import write
+from raytracer.film.light_field.posed_views import PosedViews
 from raytracer.lightfield.decoding.calibration import find_grid
 from raytracer.lightfield.decoding.decoder import decode
-from raytracer.lightfield.depth.depth_map import depth_map
-from raytracer.lightfield.memory import memory_limit
+from raytracer.lightfield.depth.depth_map import Depth, depth_map
+from raytracer.lightfield.memory import memory_limit, require_memory, reserved_memory
 from raytracer.lightfield.refocusing.refocus import focal_stack, iterate_focal_stack
 from raytracer.lightfield.super_resolution import supersampled
 from raytracer.lightfield.views.contact_sheet import montage
+from raytracer.lightfield.views.free_camera import free_camera
+from raytracer.lightfield.views.unstructured import views_along
 from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, views, waves
 from tests.lightfield.lenslet_pictures import Camera, lattice
@@ -84,6 +89,44 @@ def test_what_cannot_be_done_in_parts_keeps_to_its_own_estimate(field):
             work()
         estimate = next(size for size in range(500_000, 40_000_000, 500_000) if fits(work, size))
         assert peak_of(work, estimate) <= estimate
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"), [("file", (8, 6)), ("file", (60, 45)), ("estimate", (8, 6)), ("plane", (60, 45))]
+)
+def test_pictures_from_anywhere_keep_to_their_estimate(tmp_path, kind, size):
+    """Of fewer pixels than views have, and of more; what is left keeps surfaces of views."""
+    geometry = views(4, 4, spacing=0.03, width=48, height=40)
+    field = light_field(geometry, [Surface(2.2, waves(1, 0.05), tilt=(0.6, 0.5))], supersampling=1)
+    write(tmp_path / "field.lf", field)
+    plain = LightField(np.asarray(field.radiance), geometry)
+    depth = Depth(np.full((40, 48), 1.0 / 2.2), np.ones((40, 48)), 2, 2)
+    places = [(0.0, 0.0, 0.0), (0.01, 0.0, 0.0)]
+    cameras = [free_camera(place, (0.0, 0.0, -2.2), PosedViews.of(geometry), size=size) for place in places]
+    with lf.open(tmp_path / "field.lf") as stored:
+
+        def draw():
+            source = stored if kind == "file" else plain
+            keys = {"file": {}, "estimate": {"depth": depth}, "plane": {"distance": 2.2}}[kind]
+            return list(views_along(source, cameras, **keys))
+
+        with (
+            memory_limit(10_000),
+            pytest.raises(InputError, match=f"memory: a picture of {size[0]} x {size[1]} pixels"),
+        ):
+            draw()
+        estimate = next(limit for limit in range(100_000, 40_000_000, 50_000) if fits(draw, limit))
+        for limit in (estimate, estimate + 400_000):
+            assert peak_of(draw, limit) <= limit
+
+
+def test_frames_that_are_drawn_leave_less_for_the_next(field):
+    with memory_limit(1_000_000), reserved_memory(600_000, "frames", "fewer"):
+        with pytest.raises(InputError, match=r"0\.0005 GB, and 0\.0004 GB are left, as 0\.001 GB are given"):
+            require_memory(500_000, "a picture", "a smaller one")
+        require_memory(400_000, "a picture", "a smaller one")
+    with memory_limit(1_000_000):
+        require_memory(1_000_000, "a picture", "a smaller one")
 
 
 def fits(work: Callable[[], object], size: int) -> bool:

@@ -78,6 +78,12 @@ def test_triples():
         (Direction, [0, -0.0, 0], (), "zero vector"),
         (Albedo, [0.5, 0.5, 1.01], (2,), "must be at most 1, got 1.01"),
         (Albedo, -0.1, (), "must be at least 0"),
+        (
+            Albedo,
+            [1, 1],
+            (),
+            "an albedo of three numbers (or one for all three, or '#rrggbb' in sRGB), got a list of 2",
+        ),
         (Radiance, [1, True, 1], (1,), "got true"),
     ],
 )

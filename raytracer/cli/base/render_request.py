@@ -127,4 +127,5 @@ def _check_light_field(path: Path, spec: "SceneSpec", request: Request) -> None:
     layout = spec.camera.layout(spec.film.width, spec.film.height)
     has_views = layout is not None and (layout.views.rows * layout.views.columns > 1 or "rays" in request.options.aovs)
     if not has_views or request.options.crop is not None:
-        raise InputError(f"{path}: {NO_LIGHT_FIELD_MESSAGE}")
+        reason = spec.camera.why_no_views(spec.film.width, spec.film.height) or NO_LIGHT_FIELD_MESSAGE
+        raise InputError(f"{path}: {reason}")

@@ -4,7 +4,7 @@ Functions that check or parse raise an InputError for what is wrong.
 """
 
 import sys
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from typer import Argument, Option
 
 from raytracer.cli.base import options
-from raytracer.cli.base.options import parse_dimension, parse_sizing, takes
+from raytracer.cli.base.options import parse_dimension, parse_sizing, parse_value, takes
+from raytracer.schema.fields import Quantity
 from raytracer.schema.units import Dimension, parse_bytes
 from raytracer.util.errors import InputError
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from raytracer.film.light_field.posed_field import PosedLightField
     from raytracer.film.light_field.posed_views import PosedViews
     from raytracer.lightfield.depth.depth_map import Depth
+    from raytracer.lightfield.views.free_camera import FreeCamera, Point
     from raytracer.util.progress import Update
 
 File = Annotated[str, Argument(metavar="FILE", help="Light field: .lf.")]
@@ -86,7 +88,7 @@ def parse_point(option: str, text: str) -> tuple[float, float, float]:
     parts = text.split(",")
     if len(parts) != 3:
         raise InputError(f"{option} {text}: must be three lengths, x, y and z: 1,0.5,3")
-    x, y, z = (parse_dimension(option, part, "length") for part in parts)
+    x, y, z = (parse_value(option, part, Quantity("length")) for part in parts)
     return x, y, z
 
 
@@ -102,10 +104,36 @@ class Framing(NamedTuple):
     size: tuple[int, int] | None
 
 
-def parse_framing(up: str, vfov: str | None, size: str | None) -> Framing:
+def parse_framing(up: str | None, vfov: str | None, size: str | None) -> Framing:
     """Parse the options --up, --vfov and --size."""
     angle = None if vfov is None else parse_dimension("--vfov", vfov, "angle")
-    return Framing(parse_point("--up", up), angle, parse_sizing(size, None).size)
+    if angle is not None and not 0.0 < angle < 180.0:
+        raise InputError(f"--vfov {vfov}: must be greater than 0 and less than 180 deg")
+    direction = (0.0, 1.0, 0.0) if up is None else parse_point("--up", up)
+    if not any(direction):
+        raise InputError(f"--up {up}: must be a direction, and 0,0,0 is none")
+    return Framing(direction, angle, parse_sizing(size, None).size)
+
+
+def require_from(look_from: str | list[str] | None, up: str | None, vfov: str | None, size: str | None) -> None:
+    """Refuse options of a picture from a point in the scene, where --from gives none."""
+    if not look_from and (up is not None or vfov is not None or size is not None):
+        raise InputError("--up, --vfov and --size are those of pictures from points in the scene: give --from too")
+
+
+def aim_cameras(
+    places: Iterable["Point"], toward: "Point", views: "PosedViews", framing: Framing
+) -> "list[FreeCamera]":
+    """Make the cameras at places that have another place in the middle of their pictures."""
+    from raytracer.lightfield.views.free_camera import free_camera
+
+    cameras = []
+    for place in places:
+        if place == toward:
+            raise InputError("--from and --toward: must be two places, and are one")
+        with options.name_in_errors("--up"):
+            cameras.append(free_camera(place, toward, views, **framing._asdict()))
+    return cameras
 
 
 def open_any(file: str) -> "OpenField | OpenPosedField":
@@ -115,12 +143,14 @@ def open_any(file: str) -> "OpenField | OpenPosedField":
     return lf.open_posed(file) if lf.is_posed(file) else lf.open(file)
 
 
-def require_plane(field: "LightField | PosedLightField", option: str) -> "LightField":
-    """Return a light field if its views stand in one plane; an InputError says that an option needs that."""
+def require_plane(field: "LightField | PosedLightField", what: str) -> "LightField":
+    """Return a light field if its views stand in one plane; an InputError says that `what` needs that."""
     from raytracer.film.light_field.field import LightField
 
     if not isinstance(field, LightField):
-        raise InputError(f"{option} needs views in one plane, and these have poses of their own: give --from")
+        raise InputError(
+            f"{what} needs views in one plane, and these have poses of their own: give --from and --toward"
+        )
     return field
 
 
@@ -154,8 +184,12 @@ def report_unknown(share: float, *, quiet: bool) -> None:
     if share == 1.0:
         raise InputError("nothing is known of what is seen from there: no view sees it")
     if share > 0.0 and not quiet:
-        percent = f"{100.0 * share:.2g} %"
-        print(f"nothing is known of {percent} of the pixels, which are black: no view sees them", file=sys.stderr)
+        from raytracer.report.wording import format_percent
+
+        print(
+            f"nothing is known of {format_percent(share)} of the pixels, which are black: no view sees them",
+            file=sys.stderr,
+        )
 
 
 def open_light_field(file: str) -> "OpenField":

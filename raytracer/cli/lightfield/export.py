@@ -11,6 +11,7 @@ from raytracer.cli.base.completion import complete_from
 from raytracer.cli.base.options import takes
 from raytracer.cli.base.outputs import report_written
 from raytracer.cli.lightfield.base import LAYOUTS, File, Quiet, open_any, parse_distance, parse_positive
+from raytracer.report.wording import format_percent
 from raytracer.schema.units import parse_bytes
 from raytracer.util.errors import InputError
 
@@ -142,7 +143,7 @@ def _report(result: "Exported", output: Path, *, quiet: bool) -> None:
     else:
         report_written(*result.files, quiet=quiet)
     if result.clipped > 0.0:
-        share = f"{100.0 * result.clipped:.2g} % of the values are brighter than 1"
+        share = f"{format_percent(result.clipped)} of the values are brighter than 1"
         how = "--format exr" if output.is_dir() else ".exr"
         print(f"note: {share} and were clipped: {how} keeps them", file=sys.stderr)
     for note in result.notes:

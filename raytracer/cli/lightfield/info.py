@@ -24,6 +24,10 @@ Examples:
 """
 
 
+_ROUNDING = 2.0**-23
+"""Part of the size of a scene by which the rounding of poses moves a point, which other programs write in float32."""
+
+
 def info(
     file: File,
     check: Annotated[bool, Option("--check", help="Read everything, and fail where the file is damaged.")] = False,
@@ -223,9 +227,12 @@ def _posed_lines(info: dict[str, Any]) -> dict[str, str]:
     }
     if info["focus_point"] is None:
         return lines | {"all look at": "no point: they look in parallel"}
-    point = ", ".join(f"{number:.4g}" for number in info["focus_point"])
     near, far = info["distance"]
-    return lines | {"all look at": f"{point}{unit}, or away from it, {near:.4g} to {far:.4g} off"}
+    least = _ROUNDING * far
+    point = ", ".join(f"{0.0 if abs(number) < least else number:.4g}" for number in info["focus_point"])
+    first, last = f"{near:.4g}", f"{far:.4g}"
+    span = first if first == last else f"{first} to {last}"
+    return lines | {"all look at": f"{point}{unit}, or away from it, {span} off"}
 
 
 def _length(metres: float) -> str:

@@ -43,13 +43,20 @@ def views(
         bool, Option("--depth", help="With --at: take each point from where its depth puts it in the views around.")
     ] = False,
     distance: Annotated[
-        str | None, takes("LENGTH", "With --at or --from: the plane that is sharp, without depth.")
+        str | None,
+        takes(
+            "LENGTH",
+            "With --at: the plane that is sharp, without --depth.  With --from: a plane so far away, in place of all "
+            "surfaces.",
+        ),
     ] = None,
     look_from: Annotated[
         str | None, takes("X,Y,Z", "What is seen from a point in the scene, also before or behind the views.", "--from")
     ] = None,
     toward: Annotated[str | None, takes("X,Y,Z", "With --from: the point in the middle of the picture.")] = None,
-    up: Annotated[str, takes("X,Y,Z", "With --from: the direction that is up in the picture.")] = "0,1,0",
+    up: Annotated[
+        str | None, takes("X,Y,Z", "With --from: the direction that is up in the picture.  Default: 0,1,0.")
+    ] = None,
     vfov: Annotated[
         str | None, takes("ANGLE", "With --from: vertical field of view, 40 deg.  Default: that of the views.")
     ] = None,
@@ -73,12 +80,13 @@ def views(
     """
     if sum((view is not None, at is not None, look_from is not None, every)) > 1:
         raise InputError("--view, --at, --from and --all each ask for something else: give one of them")
-    if at is None and look_from is None and (depth or distance is not None):
-        raise InputError("--depth and --distance say how a view between others is made: give --at or --from too")
+    if depth and at is None:
+        raise InputError("--depth says how a view between others is made: give --at too")
+    if distance is not None and at is None and look_from is None:
+        raise InputError("--distance says how a view between others is made: give --at or --from too")
     if (look_from is None) != (toward is None):
         raise InputError("--from and --toward say from where to look, and where to: give both")
-    if look_from is None and (vfov is not None or size is not None):
-        raise InputError("--vfov and --size are those of a picture from a point in the scene: give --from too")
+    base.require_from(look_from, up, vfov, size)
     if depth and distance is not None:
         raise InputError("--depth and --distance: give one of them")
     if scale > 1 and view is None:
@@ -140,12 +148,13 @@ def _draw_from(
     """Draw and write the picture from a point in the scene towards another, and say how much of it is not known."""
     import numpy as np
 
-    from raytracer.lightfield.views.free_camera import free_camera
+    place, toward = ends
+
     from raytracer.lightfield.views.unstructured import view_from
     from raytracer.util.progress import Bar
 
     with base.open_any(file) as field, Bar(" steps", quiet=quiet) as bar, options.name_in_errors(file):
-        camera = free_camera(*ends, base.posed_views(field), **framing._asdict())
+        (camera,) = base.aim_cameras([place], toward, base.posed_views(field), framing)
         depth = base.estimate_depth(field, distance=distance, update=bar.update)
         drawn = view_from(field, camera, depth=depth, distance=distance)
         base.report_unknown(drawn.unknown, quiet=quiet)

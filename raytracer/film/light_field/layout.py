@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 NO_LIGHT_FIELD_MESSAGE = (
     "the picture is of one view, or a part of one, and no light field: render the whole picture of a camera_array, "
-    "light_slab or light_field, or of a thin_lens with the AOV rays"
+    "light_slab, camera_sphere, camera_box or light_field, or of a thin_lens with the AOV rays"
 )
 
 

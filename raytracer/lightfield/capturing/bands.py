@@ -17,6 +17,7 @@ from raytracer.film.light_field.views import Views
 from raytracer.film.white_balance import AUTO
 from raytracer.film.window import Window
 from raytracer.kernel.aovs.base.interface import per_sample_aovs, unique_aovs
+from raytracer.lightfield.memory import MORE_MEMORY
 from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.memory_budget import ERROR_ESTIMATOR_BYTES, picture_memory
 from raytracer.rendering.session import Rendered
@@ -83,11 +84,14 @@ def choose_bands(
         return [ViewBand(0, views.rows, 0, views.columns)] if layout.is_by_view else None
     reason = _whole_picture_reason(spec, layout, aovs)
     if reason is not None:
-        raise InputError(f"memory: {reason}, for which {_gigabytes(whole)} are needed, and {_gigabytes(memory)} given")
+        raise InputError(
+            f"memory: {reason}, for which {_gigabytes(whole)} are needed, and {_gigabytes(memory)} given; {MORE_MEMORY}"
+        )
     if view > memory:
         size = f"{views.width} x {views.height}"
         raise InputError(
-            f"memory: must be at least what a view of {size} pixels takes, {_gigabytes(view)}, got {_gigabytes(memory)}"
+            f"memory: must be at least what a view of {size} pixels takes, {_gigabytes(view)}, "
+            f"got {_gigabytes(memory)}; {MORE_MEMORY}"
         )
     return split_into_bands(views, memory // view)
 

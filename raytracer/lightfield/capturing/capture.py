@@ -165,7 +165,8 @@ def _light_field_layout(spec: SceneSpec, aovs: Sequence[str], path: Path) -> Lay
     """Return the layout of a light field in the whole picture; raise an InputError if it holds none."""
     layout = light_field_layout(spec)
     if layout is None or (layout.views.rows * layout.views.columns == 1 and not per_sample_aovs(unique_aovs(aovs))):
-        raise InputError(f"{path}: {NO_LIGHT_FIELD_MESSAGE}")
+        reason = spec.camera.why_no_views(spec.film.width, spec.film.height) or NO_LIGHT_FIELD_MESSAGE
+        raise InputError(f"{path}: {reason}")
     return layout
 
 

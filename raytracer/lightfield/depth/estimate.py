@@ -13,6 +13,9 @@ from raytracer.util.progress import ProgressCounter
 
 FloatArray = NDArray[np.float64]
 
+HIDING_PARALLAX = 0.5
+"""Parallax (pixels between two views) by which a point must be nearer to hide another."""
+
 ViewIndex = tuple[int, int]
 """Row and column of a view."""
 

@@ -28,7 +28,7 @@ from raytracer.lightfield.depth.estimate import (
     view_offsets,
 )
 from raytracer.lightfield.kernels.plane_sweep import ShiftedView, Weights, add_differences, smooth_costs
-from raytracer.lightfield.memory import count_that_fit
+from raytracer.lightfield.memory import MORE_MEMORY, count_that_fit
 from raytracer.lightfield.splines import Spline, seen_part, spline_weights, sqrt_tone
 
 _HALVES = 4
@@ -58,9 +58,7 @@ def sweep_planes(context: DepthContext, others: Sequence[ViewIndex], planes: NDA
 
     pixels = height * width
     fixed = pixels * (_FIXED_BYTES + _THREAD_BYTES * context.threads)
-    most = count_that_fit(
-        fixed, pixels * _PLANE_BYTES, f"depth of {width} x {height} pixels", "fewer threads take less"
-    )
+    most = count_that_fit(fixed, pixels * _PLANE_BYTES, f"depth of {width} x {height} pixels", MORE_MEMORY)
     block = min(len(planes), most)
     context.counter.add_total(len(others) * math.ceil(len(planes) / block))
     best = _RunningMinimum((height, width))

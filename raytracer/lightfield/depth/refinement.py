@@ -12,7 +12,7 @@ import numpy as np
 from raytracer.lightfield.depth.estimate import DepthContext, FloatArray, ViewIndex, median_spacing, view_offsets
 from raytracer.lightfield.depth.local_planes import Planes, fit_planes
 from raytracer.lightfield.depth.residuals import Offsets, measure_offsets
-from raytracer.lightfield.memory import require_memory
+from raytracer.lightfield.memory import MORE_MEMORY, require_memory
 
 _PASSES = 2
 
@@ -47,7 +47,7 @@ def require_refinement(context: DepthContext) -> None:
     """
     views = context.field.views
     size = views.width * views.height * (_FIXED_BYTES + _THREAD_BYTES * context.threads)
-    require_memory(size, f"depth of {views.width} x {views.height} pixels", "fewer threads take less")
+    require_memory(size, f"depth of {views.width} x {views.height} pixels", MORE_MEMORY)
 
 
 def refine(

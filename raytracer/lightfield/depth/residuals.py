@@ -22,11 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.lightfield.coverage import lit_at_nearest, lit_view
-from raytracer.lightfield.depth.estimate import DepthContext, FloatArray, ViewIndex, median_spacing, view_offsets
+from raytracer.lightfield.depth.estimate import (
+    HIDING_PARALLAX,
+    DepthContext,
+    FloatArray,
+    ViewIndex,
+    median_spacing,
+    view_offsets,
+)
 from raytracer.lightfield.splines import Spline, sqrt_tone
-
-_HIDING_PARALLAX = 0.5
-"""Parallax (pixels between two views) by which a point must be nearer to hide another."""
 
 _OUTLIER = 3.0
 """Standard deviations of the noise at which a difference counts a quarter."""
@@ -187,4 +191,4 @@ def _is_hidden(disparity: FloatArray, rows: FloatArray, columns: FloatArray, awa
         np.maximum.at(nearest, (round_row(r).astype(np.int64), round_column(c).astype(np.int64)), disparity)
     nearest = ndimage.maximum_filter(nearest, 3, mode="nearest")
     there = nearest[np.rint(r).astype(np.int64), np.rint(c).astype(np.int64)]
-    return np.asarray((there - disparity) * away > _HIDING_PARALLAX)
+    return np.asarray((there - disparity) * away > HIDING_PARALLAX)

@@ -14,16 +14,13 @@ from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import lit_at_nearest, lit_view, within_lens
 from raytracer.lightfield.depth.depth_map import Depth
+from raytracer.lightfield.depth.estimate import HIDING_PARALLAX
 from raytracer.lightfield.splines import Spline
 
 FloatArray = NDArray[np.float64]
 
 _LEAST_WEIGHT = 1e-9
 """Weight of a view below which it is left out: its part is less than a picture resolves."""
-
-
-_HIDING_PARALLAX = 0.5
-"""Parallax (pixels between the two views) by which a point must be nearer to hide another."""
 
 
 class ViewWeight(NamedTuple):
@@ -127,7 +124,7 @@ def view_at(
         # A nearer point in that view hides this one.
         other_inverse = Spline(reproject_depth(depth, views, there)).at(*_places(right_of, down_of))[0]
         step = np.hypot(*(there - place)) / views.plane.pixel
-        is_free = is_seen & ((other_inverse - here) * step < _HIDING_PARALLAX)
+        is_free = is_seen & ((other_inverse - here) * step < HIDING_PARALLAX)
         total += share.weight * np.where(is_free[..., None], value, 0.0)
         weight += share.weight * is_free[..., None]
         plain += share.weight * value

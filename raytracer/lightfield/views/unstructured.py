@@ -9,7 +9,7 @@ Reference: Buehler et al. 2001, "Unstructured Lumigraph Rendering", sec. 3 and 4
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +20,12 @@ from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.lightfield.depth.depth_map import Depth
 from raytracer.lightfield.kernels import view_blending
 from raytracer.lightfield.kernels import view_surfaces as kernels
+from raytracer.lightfield.memory import MORE_MEMORY, count_that_fit
 from raytracer.lightfield.views.free_camera import FreeCamera
 from raytracer.lightfield.views.view_surfaces import (
     DEPTH_LAYER,
+    KEPT_BYTES,
+    SURFACE_BYTES,
     DepthOfView,
     ViewSurfaces,
     estimated_depth,
@@ -46,6 +49,9 @@ _PROBES = 5
 
 _SUBPIXELS = 2
 """Subpixels in a row and in a column of a pixel: edges are as soft as those of a render."""
+
+_SUBPIXEL_BYTES, _VIEW_BYTES = 320, 180
+"""Bytes of the work on a picture: a subpixel; and a pixel of a view, of one that is read and its depth."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ def view_from(
 
     Raises
     ------
-    InputError : no depth is known, and there is no such point.
+    InputError : no depth is known, and there is no such point; or it takes more than `memory.memory_limit` gives.
     """
     return next(views_along(field, [camera], depth=depth, distance=distance))
 
@@ -105,10 +111,25 @@ def views_along(
         by_view = layer_depth(posed)
     elif distance is None and depth is not None and isinstance(field, LightField):
         by_view = estimated_depth(field, depth)
-    surfaces = None if by_view is None else ViewSurfaces(posed, by_view)
+    cameras = list(cameras)
+    room = _count_surfaces(posed, cameras)
+    surfaces = None if by_view is None else ViewSurfaces(posed, by_view, room)
     for camera in cameras:
-        known = surfaces or ViewSurfaces(posed, plane_depth(posed, camera.pose, distance))
+        known = surfaces or ViewSurfaces(posed, plane_depth(posed, camera.pose, distance), room)
         yield _average_subpixels(_draw(posed, known, camera.finer(_SUBPIXELS)))
+
+
+def _count_surfaces(field: PosedLightField, cameras: Sequence[FreeCamera]) -> int:
+    """Count the surfaces of views that there is memory to keep beside a picture; an InputError if there is none."""
+    width, height = max(((c.width, c.height) for c in cameras), key=math.prod, default=(0, 0))
+    pixels, of_view = width * height, field.views.width * field.views.height
+    count = count_that_fit(
+        pixels * _SUBPIXELS**2 * _SUBPIXEL_BYTES + of_view * _VIEW_BYTES,
+        of_view * SURFACE_BYTES,
+        f"a picture of {width} x {height} pixels",
+        f"a smaller --size takes less, or {MORE_MEMORY}",
+    )
+    return max(1, min(count, KEPT_BYTES // (of_view * SURFACE_BYTES)))
 
 
 def _average_subpixels(fine: FreeView) -> FreeView:

@@ -23,7 +23,10 @@ DepthOfView: TypeAlias = Callable[[int, int], FloatArray]
 """One over the depth (1/m) of a view by row and column, float64 (height, width): 0 for infinity, NaN if not known."""
 
 KEPT_BYTES = 256 << 20
-"""Bytes of surfaces that are kept for when they are asked for again."""
+"""Most bytes of surfaces that are kept for when they are asked for again."""
+
+SURFACE_BYTES = 8 * (1 + kernels.SLOPES)
+"""Bytes a pixel of the surface of a view."""
 
 
 def layer_depth(field: PosedLightField) -> DepthOfView:
@@ -93,13 +96,12 @@ class Surface(NamedTuple):
 
 
 class ViewSurfaces:
-    """The surfaces of all views, made when they are asked for; the last of them are kept."""
+    """The surfaces of all views, made when they are asked for; the last of them are kept, at most `room` of them."""
 
-    def __init__(self, field: PosedLightField, depth: DepthOfView) -> None:
+    def __init__(self, field: PosedLightField, depth: DepthOfView, room: int) -> None:
         self._field, self._depth = field, depth
         self._kept: OrderedDict[tuple[int, int], Surface] = OrderedDict()
-        views = field.views
-        self._room = max(1, KEPT_BYTES // (views.width * views.height * (1 + kernels.SLOPES) * 8))
+        self._room = room
 
     def camera(self, row: int, column: int) -> FloatArray:
         """Return the row of a view's pose and image plane."""

@@ -19,6 +19,10 @@ from raytracer.schema.rules import requires
 from raytracer.schema.spec import field_error
 
 
+def _range(low: float, high: float) -> Pair:
+    return Pair(Quantity("angle", low=low, high=high), "the lowest and the highest angle")
+
+
 class CameraSphere(RigSpec):
     """Rows and columns of equal cameras on a sphere, or on a part of one, that look at its middle or away from it.
 
@@ -40,10 +44,10 @@ class CameraSphere(RigSpec):
     radius: PositiveLength | None = Field(
         default=None, description="of the sphere (m); default for cameras that look inward: |look_at - look_from|"
     )
-    elevation: Annotated[tuple[float, float], Pair(Quantity("angle", low=-90.0, high=90.0))] = Field(
+    elevation: Annotated[tuple[float, float], _range(-90.0, 90.0)] = Field(
         default=(-90.0, 90.0), description="range (deg) above the equator that the rows divide, or one angle for a row"
     )
-    azimuth: Annotated[tuple[float, float], Pair(Quantity("angle", low=-360.0, high=360.0))] = Field(
+    azimuth: Annotated[tuple[float, float], _range(-360.0, 360.0)] = Field(
         default=(-180.0, 180.0),
         description="range (deg) to the right that the columns divide: cameras with more stand further to the right "
         "as seen from where they look from",

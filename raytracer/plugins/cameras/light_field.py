@@ -58,6 +58,7 @@ from raytracer.plugins.cameras.base.perspective import ANGLES, LENGTHS, CameraOp
 from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, Irradiance
 from raytracer.plugins.cameras.base.views import describe_views
 from raytracer.plugins.cameras.base.warnings import MICROLENS_WARNINGS, MicrolensFit
+from raytracer.plugins.cameras.base.warnings.no_views import NoViews
 from raytracer.schema.rules import never, only
 from raytracer.schema.spec import field_error
 from raytracer.schema.units import METRES_PER_MILLIMETRE
@@ -215,6 +216,13 @@ class LightField(GlassLensSpec, IdealLensSpec):
         lenslets = self.lenslets(width, height)
         return lenslets if lenslets.holds_views else None
 
+    def why_no_views(self, width: int, height: int) -> str | None:
+        return next((record.text for record in NoViews().find(self._fit(width, height))), None)
+
+    def _fit(self, width: int, height: int) -> MicrolensFit:
+        array, layout = self.arrangement(width, height), self.lenslets(width, height)
+        return MicrolensFit(self.microlenses, array, layout, self.relative_aperture(width, height))
+
     def describe(self, width: int, height: int) -> dict[str, float]:
         """Return derived numbers: angles and pixels of a view, and the range in which it can be refocused."""
         array, main = self.arrangement(width, height), self.main_lens(width, height)
@@ -265,9 +273,7 @@ class LightField(GlassLensSpec, IdealLensSpec):
         return rows
 
     def warnings(self, width: int, height: int) -> list[WarningRecord]:
-        array, layout = self.arrangement(width, height), self.lenslets(width, height)
-        fit = MicrolensFit(self.microlenses, array, layout, self.relative_aperture(width, height))
-        warnings = MICROLENS_WARNINGS.find(fit)
+        warnings = MICROLENS_WARNINGS.find(self._fit(width, height))
         if self.lens is None:
             return warnings
         return warnings + LENS_WARNINGS.find(MountedLens(self.glass(), self.lens_setup().shift))

@@ -162,10 +162,15 @@ def test_a_rig_is_moved_as_a_whole():
     [
         ({"facing": "outward"}, "camera.radius: cameras that look outward need the radius"),
         ({"elevation": [30, -30]}, "camera.elevation: must rise"),
+        ({"elevation": [10, 20, 30]}, "elevation: must be one number, or two, the lowest and the highest angle, got a"),
         ({"azimuth": [-300, 300]}, "camera.azimuth: must be at most a full circle"),
         ({"elevation": 20}, "camera.elevation: is one angle, at which 3 cameras"),
         ({"type": "camera_box", "size": 1, "faces": ["top", "top"]}, "camera.faces: must name each face once"),
         ({"type": "camera_box", "size": 1, "faces": []}, "camera.faces"),
+        (
+            {"type": "camera_box", "size": [2, 2]},
+            r"camera.size: must be a size of three numbers \(or one for all three\),",
+        ),
     ],
 )
 def test_what_makes_no_rig_is_told_in_a_sentence(keys, sentence):

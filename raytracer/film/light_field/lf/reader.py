@@ -140,7 +140,7 @@ def read_light_field(file: Any, path: Path) -> OpenField:
     if read_version(file, path) == POSED_VERSION:
         raise InputError(
             f"{path}: its views have poses of their own, and this needs views in one plane: of this file rt lightfield "
-            "views and move draw pictures, from any place"
+            "views and move draw pictures from any place, by --from and --toward"
         )
     # Shapes first: everything else has to go with them.
     radiance = read_radiance(file, path)

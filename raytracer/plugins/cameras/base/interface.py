@@ -181,6 +181,10 @@ class CameraSpec(Spec):
         """Return the layout of the light field that the picture holds, for a film of width x height pixels, or None."""
         return None
 
+    def why_no_views(self, width: int, height: int) -> str | None:
+        """Say why a film of width x height pixels holds no views, of a camera whose pictures do; None for any other."""
+        return None
+
     def thin_lens_equivalent(self, width: int, height: int) -> dict[str, Any] | None:
         """Return the keys of the thin-lens camera in place of one with a lens of glass; None for any other."""
         return None
