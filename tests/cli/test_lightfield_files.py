@@ -89,7 +89,7 @@ def test_what_is_too_bright_is_said(here, rt):
     radiance[0, 0, 0, 0] = 2.0
     lf.write("a.lf", LightField(radiance, Views(np.zeros((1, 1, 2)), Plane(0.1, 0.0, 0.0), 2, 2)))
     said = rt("lightfield export a.lf -o views").err
-    assert "25 % of the values are brighter than 1 and were clipped: --format exr keeps them" in said
+    assert "25.0 % of the values are brighter than 1 and were clipped: --format exr keeps them" in said
 
 
 def test_a_render_is_a_light_field(here, rt):

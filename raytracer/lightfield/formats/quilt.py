@@ -38,6 +38,7 @@ from raytracer.lightfield.formats.base.light_field_format import (
 from raytracer.lightfield.formats.base.picture_rows import ROW_SUFFIXES, open_picture
 from raytracer.lightfield.formats.base.quilt_plan import NAME, PIXEL_ASPECT, QuiltPlan, plan_quilt
 from raytracer.lightfield.formats.base.stored_picture import LazyMosaic, open_stored
+from raytracer.report.wording import format_percent
 from raytracer.util.errors import InputError
 from raytracer.util.progress import Update, report_progress
 
@@ -88,7 +89,7 @@ def write_quilt(field: LightField, path: Path, options: ExportOptions, update: U
     pixels = 3 * plan.size[0] * plan.size[1]
     cropped = 1.0 - plan.box[2] * plan.box[3] / (field.views.width * field.views.height)
     notes = (
-        (f"views are cropped by {100.0 * cropped:.2g} %, to what all of them see in the quilt's aspect",)
+        (f"views are cropped by {format_percent(cropped)}, to what all of them see in the quilt's aspect",)
         if cropped > 0.0
         else ()
     )
