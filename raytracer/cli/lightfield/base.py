@@ -13,7 +13,6 @@ from typer import Argument, Option
 
 from raytracer.cli.base import options
 from raytracer.cli.base.options import parse_dimension, parse_sizing, parse_value, takes
-from raytracer.schema.fields import Quantity
 from raytracer.schema.units import Dimension, parse_bytes
 from raytracer.util.errors import InputError
 
@@ -85,6 +84,8 @@ def parse_distance(option: str, text: str | None) -> float | None:
 
 def parse_point(option: str, text: str) -> tuple[float, float, float]:
     """Parse a point or a direction in the scene: three lengths (m)."""
+    from raytracer.schema.fields import Quantity
+
     parts = text.split(",")
     if len(parts) != 3:
         raise InputError(f"{option} {text}: must be three lengths, x, y and z: 1,0.5,3")
