@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.focusing import refocusable
@@ -167,8 +168,8 @@ def main() -> None:
             for distance in distances(views):
                 try:
                     errors = compare(spec, taken, distance, 16 * options.spp)
-                except ValueError as error:
-                    print(f"| {size} | {distance:.4g} | {error} |", flush=True)
+                except ValidationError as error:
+                    print(f"| {size} | {distance:.4g} | {error.errors()[0]['msg']} |", flush=True)
                     continue
                 numbers = " | ".join(f"{100.0 * number:.2f}" for number in errors[1:])
                 print(f"| {size} | {distance:.4g} | {numbers} |", flush=True)
