@@ -14,7 +14,7 @@ MEMORY = 2 * 10**9
 """Default of the bytes that work may take."""
 
 MORE_MEMORY = "give more by --memory"
-"""What to do, where nothing takes less."""
+"""Advice for the sentences of `require_memory`, where nothing takes less."""
 
 _LIMIT: ContextVar[int] = ContextVar("memory", default=MEMORY)
 _RESERVED: ContextVar[float] = ContextVar("reserved", default=0.0)

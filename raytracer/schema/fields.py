@@ -263,7 +263,7 @@ class Pair(Check):
 
     component: Quantity
     meaning: str = "to the right and upwards"
-    """What the two are, for the sentence about a wrong one."""
+    """Words for the two numbers, in the sentence about a wrong value."""
 
     def __call__(self, value: Any) -> tuple[float, float]:
         if not isinstance(value, list | tuple):

@@ -167,9 +167,8 @@ def estimate_depth(
     field: "LightField | PosedLightField", *, distance: float | None, update: "Update"
 ) -> "Depth | None":
     """Estimate the depth that pictures from any place are drawn by, if it takes an estimate; None if not."""
-    from raytracer.film.light_field.field import LightField
+    from raytracer.film.light_field.field import DEPTH_LAYER, LightField
     from raytracer.lightfield.depth.depth_map import depth_map
-    from raytracer.lightfield.views.view_surfaces import DEPTH_LAYER
 
     is_needed = distance is None and DEPTH_LAYER not in field.layers
     return depth_map(field, update=update) if is_needed and isinstance(field, LightField) else None

@@ -160,9 +160,11 @@ def _encode_error(depths: "Depth", field: "LightField", image_format: "ImageForm
 
 def _true_distances(field: "LightField") -> Any:
     """Return the layer of true distances; raise an InputError if there is none in metres."""
-    if not field.is_metric or "depth" not in field.layers:
+    from raytracer.film.light_field.field import DEPTH_LAYER
+
+    if not field.is_metric or DEPTH_LAYER not in field.layers:
         raise InputError("--truth needs a light field in metres with the layer depth, as `--aov depth` renders it")
-    return field.layers["depth"]
+    return field.layers[DEPTH_LAYER]
 
 
 def _measured(depths: "Depth", field: "LightField", layer: Any) -> dict[str, Any]:

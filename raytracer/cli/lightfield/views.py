@@ -148,11 +148,10 @@ def _draw_from(
     """Draw and write the picture from a point in the scene towards another, and say how much of it is not known."""
     import numpy as np
 
-    place, toward = ends
-
     from raytracer.lightfield.views.unstructured import view_from
     from raytracer.util.progress import Bar
 
+    place, toward = ends
     with base.open_any(file) as field, Bar(" steps", quiet=quiet) as bar, options.name_in_errors(file):
         (camera,) = base.aim_cameras([place], toward, base.posed_views(field), framing)
         depth = base.estimate_depth(field, distance=distance, update=bar.update)

@@ -89,7 +89,7 @@ def beside(path: Path) -> Path:
 
 
 class StatedLayout(NamedTuple):
-    """What the file beside a picture says of the views in it.
+    """Layout that the file beside a picture states of the views in it.
 
     name : of the layout; None if it does not say, or means a file of the same name with another suffix.
     rows, columns : of views.

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.field import FieldArrays, LightField
+from raytracer.film.light_field.field import DEPTH_LAYER, FieldArrays, LightField
 from raytracer.lightfield.coverage import lit_view
 from raytracer.lightfield.depth.depth_map import depth_map
 from raytracer.lightfield.ray_binning import rays_to_views
@@ -244,8 +244,8 @@ def viewer_depth(field: LightField, *, metric: bool, update: Update | None) -> V
     """Get the depth of the middle view: from the layer `depth`, or estimated from the views; None if neither can be."""
     views = field.views
     middle = views.nearest()
-    if metric and "depth" in field.layers:
-        distance = np.asarray(field.layers["depth"][middle], dtype=np.float64)
+    if metric and DEPTH_LAYER in field.layers:
+        distance = np.asarray(field.layers[DEPTH_LAYER][middle], dtype=np.float64)
         inverse = 1.0 / np.where(distance > 0.0, distance, np.nan)
     elif views.rows * views.columns > 1:
         return _estimate_depth(field, update)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.film.light_field.field import DEPTH_LAYER
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.film.light_field.posed_views import PosedViews
 from raytracer.lightfield.viewer.page import DEFAULT_BYTES, MIN_BYTES, Page, fallback_image, losses
@@ -24,7 +25,7 @@ from raytracer.lightfield.viewer.size_budget import (
     require_room,
 )
 from raytracer.lightfield.views.free_camera import Point, free_camera
-from raytracer.lightfield.views.view_surfaces import DEPTH_LAYER, DepthOfView, layer_depth
+from raytracer.lightfield.views.view_surfaces import DepthOfView, layer_depth
 from raytracer.report import page as html
 from raytracer.util.errors import InputError
 from raytracer.util.progress import Update, report_progress

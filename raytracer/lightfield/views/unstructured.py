@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import DEPTH_LAYER, LightField
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.lightfield.depth.depth_map import Depth
 from raytracer.lightfield.kernels import view_blending
@@ -23,7 +23,6 @@ from raytracer.lightfield.kernels import view_surfaces as kernels
 from raytracer.lightfield.memory import MORE_MEMORY, count_that_fit
 from raytracer.lightfield.views.free_camera import FreeCamera
 from raytracer.lightfield.views.view_surfaces import (
-    DEPTH_LAYER,
     KEPT_BYTES,
     SURFACE_BYTES,
     DepthOfView,

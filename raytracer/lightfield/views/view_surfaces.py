@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.field import DEPTH_LAYER, LightField
 from raytracer.film.light_field.posed_field import PosedLightField
 from raytracer.film.light_field.views import Pose
 from raytracer.lightfield.depth.depth_map import Depth
@@ -16,8 +16,6 @@ from raytracer.lightfield.views.synthesis import reproject_depth
 from raytracer.util.errors import InputError
 
 FloatArray = NDArray[np.float64]
-
-DEPTH_LAYER = "depth"
 
 DepthOfView: TypeAlias = Callable[[int, int], FloatArray]
 """One over the depth (1/m) of a view by row and column, float64 (height, width): 0 for infinity, NaN if not known."""

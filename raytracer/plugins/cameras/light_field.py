@@ -82,8 +82,8 @@ class LightField(GlassLensSpec, IdealLensSpec):
 
     The picture is that of the sensor, upright, so turned by 180 degrees: a mosaic of sub-images, one behind each
     microlens, in which every pixel sees one part of the main lens.  Each pixel sees through the microlens whose
-    sub-image it is part of, and no other: where sub-images would overlap, as behind a main lens that is wider than the
-    microlenses are made for, there is no crosstalk.
+    sub-image it is part of, and no other, also where sub-images would overlap, as behind a main lens that is wider than
+    the microlenses are made for; with `crosstalk: true` it sees through all whose sub-images cover it.
 
     Plain pixels are the mean radiance of what comes through the part of the main lens that a pixel sees, where the lens
     is not there 0: the mean over a sub-image, over what of it is lit, is the pixel of an ordinary photograph on sensors
@@ -115,7 +115,7 @@ class LightField(GlassLensSpec, IdealLensSpec):
     microlenses: Microlenses = Field(
         default_factory=Microlenses,
         description="the array before the sensor: {pixels: 15} or {pitch: 125 um} or {count: 100}, layout, model, "
-        "focal_length, distance, arrangement, rotation, offset",
+        "focal_length, distance, arrangement, crosstalk, rotation, offset",
     )
 
     _one_main_lens = never(
