@@ -67,7 +67,8 @@ PARTIAL = "WARNING: search index couldn't be loaded, but not all documents will 
 def build(folder: Path, *names: str) -> Path:
     """Build all pages, or those of some names; a warning is an error."""
     sources = [str(ROOT / "docs" / f"{name}.md") for name in names]
-    words = [sys.executable, "-m", "sphinx", "-q", "--no-color", "--keep-going", "-b", "html", ROOT / "docs", folder, *sources]
+    options = ("--quiet", "--no-color", "--keep-going", "--builder=html")
+    words = [sys.executable, "-m", "sphinx", *options, ROOT / "docs", folder, *sources]
     built = subprocess.run(words, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     assert [line for line in built.stderr.splitlines() if not (names and line == PARTIAL)] == []
