@@ -2,7 +2,8 @@
 
 The grid's two frequencies are first taken from the peaks of a spectrum (`grid_frequencies`).  Then the middles of
 single sub-images are measured (`subimage_phases`), from the middle of what is lit outwards, and a lattice is fitted to
-them by robust least squares: sub-images with dust, or at the edge of the light, fall out.
+them by robust least squares: sub-images with dust, or at the edge of the light, fall out.  Last, the error that pixels
+make is taken off the middles (`subimage_shape`), and the lattice is fitted once more.
 
 Where a rim of the lens cuts sub-images, towards the border, they are moved by up to some pixels, and all to the same
 side: no outliers, but a smaller pitch.  They also have another shape than those in the middle; the more a shape
@@ -33,6 +34,7 @@ from raytracer.lightfield.decoding.subimage_phases import (
     measure_subimages,
     take_cells,
 )
+from raytracer.lightfield.decoding.subimage_shape import PixelBias, fit_shape, measure_bias
 from raytracer.util.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -43,7 +45,7 @@ _OBLIQUE = 0.25
 _CLIPPED_SHARE = 0.98
 """Share of the pixels at one and the same largest value from which on a picture is clipped everywhere."""
 
-_REACHES = (0.1, 0.2, 0.4, 1.0, 1.0, 1.0)
+_REACHES = (0.1, 0.2, 0.4, 1.0)
 """Parts of the picture, about the middle of what is lit, that are fitted in turn: a lattice that is right to a fifth
 of a pitch at the edge of one part is right to half a pitch at that of the next."""
 
@@ -72,14 +74,13 @@ def find_grid(white: NDArray[Any], name: str = "white") -> Grid:
             "pixels a side: too few to measure"
         )
     lattice = _make_lattice(frequencies, part.phases(frequencies), part.middle)
-    fit = None
+    diagonal = math.hypot(width, height)
     for reach in _REACHES:
-        fit = fit_lattice(white, lattice, levels, reach * math.hypot(width, height))
-        if fit is None:
-            raise no_grid_error(name)
-        lattice = fit.lattice
-    assert fit is not None
-    lattice = _shortest(lattice).near((0.5 * width, 0.5 * height))
+        lattice = fit_lattice(white, lattice, levels, reach * diagonal, name).lattice
+    fit = fit_lattice(white, lattice, levels, diagonal, name)
+    bias = measure_bias(fit_shape(white, fit.lattice, fit.sample, levels), fit.lattice, levels)
+    fit = fit_lattice(white, fit.lattice, levels, diagonal, name, bias)
+    lattice = _shortest(fit.lattice).near((0.5 * width, 0.5 * height))
     diameter = lit_diameter(white, lattice, fit.sample, levels)
     return Grid(lattice, width, height, fit.residual, (fit.used, fit.measured), diameter)
 
@@ -193,8 +194,19 @@ class LatticeFit(NamedTuple):
     sample: Floats
 
 
-def fit_lattice(white: NDArray[Any], guess: Lattice, levels: Levels, reach: float) -> LatticeFit | None:
-    """Measure sub-images at most `reach` (px) from the guess's origin, and fit a lattice to them; None if none fits."""
+def fit_lattice(
+    white: NDArray[Any], guess: Lattice, levels: Levels, reach: float, name: str, bias: PixelBias | None = None
+) -> LatticeFit:
+    """Measure sub-images at most `reach` (px) from the guess's origin, and fit a lattice to them.
+
+    Parameters
+    ----------
+    bias : error of the middles that is taken off, once it is known.
+
+    Raises
+    ------
+    InputError : too few sub-images are on one lattice.
+    """
     height, width = white.shape
     middles = rows_within(guess, width, height, inside_margin(guess)).middles
     middles = middles[np.hypot(*(middles - guess.origin).T) <= max(reach, MIN_MICROLENSES * guess.pitch)]
@@ -204,11 +216,11 @@ def fit_lattice(white: NDArray[Any], guess: Lattice, levels: Levels, reach: floa
         chosen = np.random.default_rng(0).permutation(len(middles))[:_MOST_MEASURED]
         middles, index = middles[chosen], index[chosen]
     if len(middles) < MIN_MICROLENSES:
-        return None
+        raise no_grid_error(name)
     measured = measure_subimages(white, guess, middles, levels)
     lit = _lit(measured)
     if np.count_nonzero(lit) < MIN_MICROLENSES:
-        return None
+        raise no_grid_error(name)
     number = len(middles)
     middles, index = middles[lit], index[lit]
     measured = Subimages(*(values[lit] for values in measured))
@@ -216,12 +228,14 @@ def fit_lattice(white: NDArray[Any], guess: Lattice, levels: Levels, reach: floa
     trust = _trust_by_shape(measured, index, nearness, guess.pitch)
     design = np.column_stack([np.ones(len(index)), index])
     places = middles + measured.away
+    if bias is not None:
+        places = places - bias.at(places)
     steps, away, scale = _robust_fit(design, places, trust)
     good = away <= _OUTLIER * scale
     used = int(np.count_nonzero(good))
     near = np.count_nonzero(away < _LARGEST_RESIDUAL * guess.pitch)
     if near < _LEAST_SHARE * len(index):
-        return None
+        raise no_grid_error(name)
     origin, along, across = ((float(x), float(y)) for x, y in steps)
     lattice = Lattice(origin, along, across)
     residual = float(np.sqrt(np.mean(away[good] ** 2)))
