@@ -179,7 +179,8 @@ def test_equal_variants_have_no_bias_over_many_seeds_and_a_planted_one_has_its_s
     }
     brighter = spec.model_copy(update={"materials": {**spec.materials, **walls}})
     planted(monkeypatch, brighter)
-    first, second = truth_of(spec, 8192), truth_of(brighter, 16384)
+    # With the same random numbers, of which the noise falls out of the difference.
+    first, second = truth_of(spec, 8192), truth_of(brighter, 8192)
     size = math.sqrt(float(np.mean(first.weight * (first.picture - second.picture) ** 2)))
 
     found = [study(spec, StudyOptions(seed=seed, tiles=9), bench=bench(RAY / 4)) for seed in range(SEEDS)]
@@ -222,8 +223,8 @@ def test_intervals_of_a_study_hold_the_truth(name, width, height):
     mse = mean_squared_error(spec, truth, spp, SEEDS)
     assert hold([one.points[-1].error for one in found], math.sqrt(mse))
 
-    # The samples that are needed, by renders with about as many.
-    needed = samples_needed(spec, truth, 0.01, float(np.median([one.target_spp.value for one in found])))
+    # The samples that are needed, by renders with about as many; of only four, the mean is uncertain by 4 %.
+    needed = samples_needed(spec, truth, 0.01, float(np.median([one.target_spp.value for one in found])), 24)
     assert hold([one.target_spp for one in found], needed)
 
 
@@ -239,7 +240,10 @@ def test_intervals_from_some_of_the_tiles_hold_the_truth_of_all():
     for i, point in enumerate(found[0].points):
         assert hold([one.points[i].error for one in found], truths[point.spp])
     assert hold([one.target_spp for one in found], whole.target_spp.value)
-    assert hold([one.per_sample for one in found], whole.per_sample.value)
+    # Its rays take a sixteenth of the time.  Rays of a picture are as many in all studies but for what a first look at
+    # it tells of them, which is no part of the interval: without a clock's noise it is all that is wrong.
+    seconds = [one.per_sample.value for one in found]
+    assert seconds == pytest.approx([16.0 * whole.per_sample.value] * SEEDS, rel=0.002)
 
 
 def mean_squared_error(spec, truth, spp, runs=4):
@@ -248,10 +252,10 @@ def mean_squared_error(spec, truth, spp, runs=4):
     return float(np.mean([truth.squared_error(picture, spp) for picture in pictures]))
 
 
-def samples_needed(spec, truth, target, guess):
+def samples_needed(spec, truth, target, guess, runs=4):
     """Samples per pixel that reach a relative error, from unbroken runs of about as many."""
     spp = max(8, round(guess))
-    return spp * mean_squared_error(spec, truth, spp) / target**2
+    return spp * mean_squared_error(spec, truth, spp, runs) / target**2
 
 
 @pytest.mark.slow
