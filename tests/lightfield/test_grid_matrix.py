@@ -14,6 +14,7 @@ from tests.lightfield.grid_matrix import CASES, measure
 BOUND = 0.01
 """Of the pitch, and of the offset in the middle of the picture (px)."""
 
+
 @pytest.mark.parametrize("hexagonal", [False, True], ids=["square", "hexagonal"])
 @pytest.mark.parametrize(
     ("pitch", "degrees", "cases"),
