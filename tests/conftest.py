@@ -26,6 +26,10 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 with contextlib.suppress(NoKeyError):
     os.environ.setdefault("RAYTRACER_KEY_DIR", str(key_folder().with_name("raytracer-tests")))
 
+# What commands print is compared as it is without colours, in the processes that tests start, too.
+for name in ("FORCE_COLOR", "CLICOLOR_FORCE"):
+    os.environ.pop(name, None)
+
 # Compiling makes millions of objects that stay, and by its own measure Python looks for garbage among them every 700:
 # an eighth of the processor time of these tests.
 gc.set_threshold(10_000, 10, 10)
