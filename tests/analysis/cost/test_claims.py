@@ -240,10 +240,8 @@ def test_intervals_from_some_of_the_tiles_hold_the_truth_of_all():
     for i, point in enumerate(found[0].points):
         assert hold([one.points[i].error for one in found], truths[point.spp])
     assert hold([one.target_spp for one in found], whole.target_spp.value)
-    # Its rays take a sixteenth of the time.  Rays of a picture are as many in all studies but for what a first look at
-    # it tells of them, which is no part of the interval: without a clock's noise it is all that is wrong.
-    seconds = [one.per_sample.value for one in found]
-    assert seconds == pytest.approx([16.0 * whole.per_sample.value] * SEEDS, rel=0.002)
+    # Its rays take a sixteenth of the time.
+    assert hold([one.per_sample for one in found], 16.0 * whole.per_sample.value)
 
 
 def mean_squared_error(spec, truth, spp, runs=4):
