@@ -32,11 +32,16 @@ class SceneFile:
         self._spec: SceneSpec | None = None
         self._files: tuple[Path, ...] = (Path(path),)
         self._stamps: dict[Path, FileStamp] = {}
+        self._looked_at: dict[Path, FileStamp] = {}
 
     def has_changed(self) -> bool:
-        """Tell if the file, or one that it names, is another than when it was last read; not while it is away."""
-        stamps = self._stamp()
-        return Path(self.path) in stamps and stamps != self._stamps
+        """Tell if the file, or one that it names, is another than when it was last read; not while it is away.
+
+        Nor while it is still written, often from an empty file on: it must be as it was when this was last asked.
+        """
+        before, stamps = self._looked_at, self._stamp()
+        self._looked_at = stamps
+        return Path(self.path) in stamps and stamps == before != self._stamps
 
     def _stamp(self) -> dict[Path, FileStamp]:
         stamps: dict[Path, FileStamp] = {}

@@ -67,13 +67,13 @@ class Pilot(NamedTuple):
     tiles : all tiles of the picture.
     mean : (P, 3), means of the pixels.
     squares : (T,), squared error of each tile.
-    rays : rays of one sample in every pixel.
+    rays : (2, T), rays of one sample in every pixel of a tile, by each of its two pictures.
     """
 
     tiles: TileSample
     mean: Array
     squares: Array
-    rays: float
+    rays: Array
 
 
 def _run_pilot(subject: Subject, windows: Sequence[Window], pace: float, seed: int) -> Pilot | None:
@@ -85,7 +85,7 @@ def _run_pilot(subject: Subject, windows: Sequence[Window], pace: float, seed: i
     pictures = np.stack([tiles.flat(patch.mean) for patch in patches])
     mean = pictures.mean(axis=0)
     squares = mse_by_tile(pictures, error_weights(mean, mean_scale(mean)), tiles.owner).sums
-    return Pilot(tiles, mean, squares, sum(float(patch.rays.sum()) for patch in patches) / (2 * _PILOT_SPP))
+    return Pilot(tiles, mean, squares, np.stack([patch.rays for patch in patches]) / _PILOT_SPP)
 
 
 # ---- Replicates
@@ -206,10 +206,36 @@ def _estimate_scale(warm: WarmScene, sample: TileSample, best: Array) -> float:
     stands = sample.weight[sample.owner]
     if warm.pilot is None:
         return abs(float(np.average(best.mean(axis=1), weights=stands)))
-    place = {window: tile for tile, window in enumerate(warm.windows)}
-    seen = np.isin(warm.pilot.tiles.owner, [place[window] for window in sample.windows])
+    seen = np.isin(warm.pilot.tiles.owner, _indices(warm, sample))
     error = (best - warm.pilot.mean[seen]).mean(axis=1)
     return abs(float(warm.pilot.mean.mean() + (stands @ error) / len(warm.pilot.mean)))
+
+
+def _indices(warm: WarmScene, sample: TileSample) -> list[int]:
+    """Return the indices of measured tiles among all."""
+    place = {window: tile for tile, window in enumerate(warm.windows)}
+    return [place[window] for window in sample.windows]
+
+
+class RayCount(NamedTuple):
+    """Rays of one sample in every pixel of the picture; nan if only a part has been looked at.
+
+    error : standard error of the value.
+    """
+
+    value: float
+    error: float
+
+
+def count_rays(warm: WarmScene, measured: Replicates) -> RayCount:
+    """Count the rays of a picture: those of the measured tiles, and those that the pilot saw in the others."""
+    if warm.pilot is None:
+        return RayCount(math.nan, math.nan)
+    rays, is_seen = warm.pilot.rays, np.zeros(len(warm.windows), dtype=bool)
+    is_seen[_indices(warm, measured.tiles)] = True
+    value = rays.mean(axis=0)[~is_seen].sum() + measured.rays.mean(axis=0).sum()
+    # Pictures differ by twice the error of their mean; what the replicates differ in is known by their times.
+    return RayCount(float(value), float(np.linalg.norm(0.5 * np.diff(rays, axis=0)[0, ~is_seen])))
 
 
 def assemble_picture(warm: WarmScene, measured: Replicates) -> Array:

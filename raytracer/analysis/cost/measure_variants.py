@@ -87,8 +87,8 @@ def measure_variants(
 
 def _rays_per_sample(measured: Replicates, picture: PictureCost) -> float:
     """Compute the rays of a sample of a pixel, over the whole picture."""
-    if not math.isnan(picture.rays):
-        return picture.rays / picture.pixels
+    if not math.isnan(picture.rays.value):
+        return picture.rays.value / picture.pixels
     weight, pixels = measured.tiles.weight, measured.tiles.pixels
     return float((measured.rays.mean(axis=0) * weight).sum() / (pixels * weight).sum())
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.cost.measure_scene import Replicates
+from raytracer.analysis.cost.measure_scene import RayCount, Replicates
 from raytracer.analysis.cost.results import ConvergencePoint, Prediction
 from raytracer.analysis.cost.study_options import StudySettings
 from raytracer.analysis.cost.tile_sample import REPLICATES
@@ -22,18 +22,21 @@ _RESAMPLES = 1000
 # Student's t for 95 %, with one degree of freedom less than replicates.
 _STUDENT = 3.182
 
+# The same of a normal distribution.
+_NORMAL = 1.959964
+
 
 class PictureCost(NamedTuple):
     """Known costs of the whole picture.
 
     pixels : number of pixels.
-    rays : rays of a sample in every pixel; nan if only a part has been looked at.
+    rays : rays of a sample in every pixel, and their standard error; nan if only a part has been looked at.
     threads : number of threads that share the work.
     fixed : seconds that do not depend on samples.
     """
 
     pixels: int
-    rays: float
+    rays: RayCount
     threads: int
     fixed: float
 
@@ -42,7 +45,8 @@ def predict(measured: Replicates, picture: PictureCost, settings: StudySettings,
     """Predict time and error.
 
     Everything is computed anew for each resample of the tiles, so that intervals contain the differences between tiles
-    and the noise of the measurements.  Intervals of times also contain the differences between replicates.
+    and the noise of the measurements.  Intervals of times also contain the differences between replicates, and the
+    uncertainty of the picture's rays.
 
     Parameters
     ----------
@@ -63,7 +67,7 @@ def predict(measured: Replicates, picture: PictureCost, settings: StudySettings,
     per_sample, target_spp, target_seconds, budget_error = bootstrap_intervals(
         columns, lambda rows: np.array([answers(row) for row in rows]), seed, _RESAMPLES
     )
-    spread = _spread_in_time(measured)
+    spread = math.hypot(_spread_in_time(measured), _spread_in_rays(picture.rays))
     rendering = widened(map_interval(target_seconds, lambda seconds: seconds - fixed), spread, spread)
     rate, last = fit_rate(levels, columns.sum(axis=0)[:-2], steepest), levels[-1]
     power = fit_power_law(levels, [square.value for square in squares], steepest)
@@ -98,7 +102,8 @@ def _tile_columns(measured: Replicates, picture: PictureCost) -> Array:
 
     Tiles that are drawn in proportion to their error have about equal parts of the MSE, which makes for a sharp sum.
     Seconds are those for a ray, times the rays of the whole picture if these are known, since rays tell most of what
-    tiles differ in.  The seconds are medians over replicates, so that a disturbance of the machine disturbs few tiles.
+    tiles differ in.  The seconds for a ray are medians over replicates, so that a disturbance of the machine disturbs
+    few tiles.
 
     References: Horvitz and Thompson 1952, "A Generalization of Sampling Without Replacement from a Finite Universe",
         Journal of the American Statistical Association 47(260); Cochran 1977, "Sampling Techniques", chapter 6.
@@ -111,10 +116,10 @@ def _tile_columns(measured: Replicates, picture: PictureCost) -> Array:
         sums = [mse_by_tile(level[part], weight, tiles.owner).sums for level in measured.means.values()]
         return np.stack(sums, axis=1)
 
-    seconds = np.median(measured.busy, axis=0) / picture.threads
-    known = tiles.pixels / picture.pixels
-    if not math.isnan(picture.rays):
-        known = measured.rays.mean(axis=0) / picture.rays
+    rays = measured.rays.mean(axis=0)
+    to_mean = np.divide(rays, measured.rays, out=np.ones_like(measured.rays), where=measured.rays > 0.0)
+    seconds = np.median(measured.busy * to_mean, axis=0) / picture.threads
+    known = tiles.pixels / picture.pixels if math.isnan(picture.rays.value) else rays / picture.rays.value
     columns = np.column_stack([squares(slice(None)) / picture.pixels, seconds, known])
     # The difference between the first two replicates and the others tells the noise of the mean of all four.
     noise = 0.5 * (squares(slice(0, REPLICATES // 2)) - squares(slice(REPLICATES // 2, REPLICATES)))
@@ -160,6 +165,11 @@ def _spread_in_time(measured: Replicates) -> float:
     """Compute half the width of the interval of the logarithm of the time, from the replicates."""
     logs = np.log(measured.busy @ measured.tiles.weight)
     return float(_STUDENT * logs.std(ddof=1) / math.sqrt(len(logs)))
+
+
+def _spread_in_rays(rays: RayCount) -> float:
+    """Compute half the width of the interval of the logarithm of the picture's rays; 0 if seconds do not go by them."""
+    return _NORMAL * rays.error / rays.value if rays.value > 0.0 else 0.0
 
 
 def widened(interval: Interval, down: float, up: float) -> Interval:

@@ -16,6 +16,7 @@ from raytracer.analysis.cost.machine import load_average, machine
 from raytracer.analysis.cost.measure_scene import (
     Replicates,
     assemble_picture,
+    count_rays,
     measure_scene,
     picture_tiles,
     warm_scene,
@@ -107,7 +108,7 @@ def study(
     seconds |= {"build": prepared.seconds["build"], "compile": prepared.seconds["compile"], "develop": develop_seconds}
     cost = PictureCost(
         pixels=picture.shape[0] * picture.shape[1],
-        rays=warm.pilot.rays if warm.pilot else math.nan,
+        rays=count_rays(warm, measured),
         threads=settings.threads,
         # Compiling is done once for many renders.
         fixed=sum(seconds[phase] for phase in ("load", "pack", "build", "develop")),

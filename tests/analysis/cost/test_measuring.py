@@ -7,7 +7,7 @@ import pytest
 
 from raytracer.analysis.cost.bench import Purpose, Subject, seeds
 from raytracer.analysis.cost.compare import _differs, is_steady
-from raytracer.analysis.cost.measure_scene import warm_up
+from raytracer.analysis.cost.measure_scene import Pilot, RayCount, Replicates, WarmScene, count_rays, warm_up
 from raytracer.analysis.cost.rounds import prepare_variant, variant_order
 from raytracer.analysis.cost.study import plan
 from raytracer.analysis.cost.tile_sample import (
@@ -242,3 +242,30 @@ def test_what_is_in_proportion_to_size_is_known_without_error():
     place = {window: number for number, window in enumerate(WINDOWS)}
     chosen = choose_tiles(WINDOWS, 25, np.random.default_rng(4), size)
     assert chosen.weight @ size[[place[window] for window in chosen.windows]] == pytest.approx(size.sum())
+
+
+def test_rays_of_the_picture_are_as_uncertain_as_they_are_said_to_be():
+    windows = split_into_tiles(Window(0, 0, 160, 112))
+    rng = np.random.default_rng(8)
+    truth = 256.0 * rng.lognormal(1.0, 0.5, len(windows))
+    off = []
+    for _ in range(2000):
+        # Some tiles are measured so well that they are known.
+        measured = choose_tiles(windows, 30, rng)
+        is_measured = np.isin(np.arange(len(windows)), [windows.index(window) for window in measured.windows])
+        pilot = Pilot(choose_tiles(windows, len(windows), rng), None, None, rng.normal(truth, 20.0, (2, len(windows))))
+        replicates = Replicates(measured, {}, None, np.tile(truth[is_measured], (4, 1)), 0, 1.0)
+        found = count_rays(WarmScene(None, windows, 1.0, pilot), replicates)
+        off.append((found.value - truth.sum()) / found.error)
+    # Some 40 tiles tell the standard error, so that it is near a normal distribution's.
+    assert np.mean(off) == pytest.approx(0.0, abs=4.0 / 2000**0.5)
+    assert np.std(off) == pytest.approx(1.0, abs=0.08)
+
+
+def test_rays_of_a_picture_that_is_measured_as_a_whole_are_known():
+    windows = split_into_tiles(Window(0, 0, 160, 112))
+    tiles, rays = TileSample.of(windows, np.ones(len(windows))), np.full((4, len(windows)), 300.0)
+    pilot = Pilot(tiles, None, None, np.random.default_rng(9).normal(300.0, 20.0, (2, len(windows))))
+    replicates = Replicates(tiles, {}, None, rays, 0, 1.0)
+    assert count_rays(WarmScene(None, windows, 1.0, pilot), replicates) == RayCount(300.0 * len(windows), 0.0)
+    assert np.isnan(count_rays(WarmScene(None, windows, 1.0, None), replicates).value)

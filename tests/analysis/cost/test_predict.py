@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from raytracer.analysis.cost import predict as predicting
-from raytracer.analysis.cost.measure_scene import Replicates
+from raytracer.analysis.cost.measure_scene import RayCount, Replicates
 from raytracer.analysis.cost.predict import PictureCost, predict
 from raytracer.analysis.cost.study_options import StudySettings
 from raytracer.analysis.cost.tile_sample import choose_tiles
@@ -41,9 +41,12 @@ def replicates(sample, rng, *, drift=0.0):
     return Replicates(sample, means, 1e-6 * rays * np.exp(drift * rng.standard_normal((4, 1))), rays, 0, 1.0)
 
 
-def predicted(sample, seed, *, drift=0.0, known=True, budget=None):
+KNOWN, UNKNOWN = RayCount(PIXELS, 0.0), RayCount(math.nan, math.nan)
+
+
+def predicted(sample, seed, *, drift=0.0, rays=KNOWN, budget=None):
     measured = replicates(sample, np.random.default_rng(seed), drift=drift)
-    picture = PictureCost(PIXELS, float(PIXELS) if known else math.nan, 2, 0.5)
+    picture = PictureCost(PIXELS, rays, 2, 0.5)
     return predict(measured, picture, StudySettings(threads=2, seed=seed, budget=budget), 1.0)
 
 
@@ -76,12 +79,24 @@ def test_intervals_hold_the_truth_as_often_as_they_say(count):
 def test_seconds_come_from_rays_where_these_are_known():
     sample = choose_tiles(WINDOWS, 40, np.random.default_rng(3))
     truth = PIXELS * 1e-6 / 2
-    by_rays, by_pixels = (predicted(sample, 3, known=known).per_sample for known in (True, False))
+    by_rays, by_pixels = (predicted(sample, 3, rays=rays).per_sample for rays in (KNOWN, UNKNOWN))
     # Time is in proportion to rays here, so nothing is uncertain.
     assert by_rays.value == pytest.approx(truth)
     assert by_rays.high - by_rays.low < 1e-6 * truth
     assert by_pixels.low < truth < by_pixels.high
     assert by_pixels.high - by_pixels.low > 0.1 * truth
+
+
+def test_seconds_are_as_uncertain_as_the_rays_of_the_picture():
+    sample = choose_tiles(WINDOWS, 40, np.random.default_rng(3))
+    sure, doubtful = (predicted(sample, 3, rays=RayCount(PIXELS, error * PIXELS)) for error in (0.0, 0.01))
+    assert doubtful.per_sample.high == pytest.approx(doubtful.per_sample.value * math.exp(0.0195996))
+    assert doubtful.per_sample.low == pytest.approx(doubtful.per_sample.value * math.exp(-0.0195996))
+    # What every render takes is certain, and samples to the target are uncertain besides.
+    above = [
+        math.log((found.target_seconds.high - 0.5) / (found.target_seconds.value - 0.5)) for found in (sure, doubtful)
+    ]
+    assert above[1] == pytest.approx(math.hypot(above[0], 0.0195996))
 
 
 def test_replicates_that_differ_in_time_make_times_uncertain():
@@ -116,7 +131,7 @@ def test_what_is_bright_or_dark_by_chance_does_not_mislead():
         found += rng.binomial(n - before, p, size=found.shape)
         means[n], before = found / (p * n), n
     measured = Replicates(sample, means, np.ones((4, 40)), np.ones((4, 40)), 0, 1.0)
-    prediction = predict(measured, PictureCost(PIXELS, math.nan, 2, 0.0), StudySettings(threads=2, seed=0), 1.0)
+    prediction = predict(measured, PictureCost(PIXELS, UNKNOWN, 2, 0.0), StudySettings(threads=2, seed=0), 1.0)
     for point in prediction.points:
         truth = math.sqrt((1.0 - p) / p / point.spp / 1.01)
         assert point.error.value == pytest.approx(truth, rel=0.03)
