@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from raytracer.core.compiler.compile_progress import COMPILATION
+from raytracer.core.compiler.entry import needs_compiling
 from raytracer.core.compiler.lock import compiler_lock
 from raytracer.core.embree import Accel
 from raytracer.film.window import Window
@@ -15,9 +16,8 @@ from raytracer.kernel.path_state import workspace as make_workspace
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.rendering.checked_options import CheckedOptions
-from raytracer.rendering.film_region import FilmRegion, empty_film, empty_region, film_view
+from raytracer.rendering.film_region import FilmRegion, empty_film, empty_region, empty_tile, film_view
 from raytracer.rendering.statistics import PhaseTimer
-from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.rendering.worker_pool import RemoteExecutor
 from raytracer.scene.files import FileStamp
 from raytracer.scene.pack.scene import PackedScene, pack
@@ -76,11 +76,20 @@ def compile_kernel(scene: Scene, target: FilmView, workspace: Workspace | None =
     def work() -> int:
         with compiler_lock:
             before = _kernel_count()
-            buffers = workspace or make_workspace(scene)
-            render_tile(scene, target, buffers, 0, 0, 0, 0, 0, 0)
+            render_tile(*_no_pixels(scene, target, workspace))
             return _kernel_count() - before
 
     return run_in_thread(work, COMPILATION.report)
+
+
+def has_kernel(scene: Scene, target: FilmView) -> bool:
+    """Tell if the path tracer for a scene and a film of these types is compiled already, by this process or on disk."""
+    return not needs_compiling(render_tile, *_no_pixels(scene, target))
+
+
+def _no_pixels(scene: Scene, target: FilmView, workspace: Workspace | None = None) -> tuple[Any, ...]:
+    """Return the arguments with which `render_tile` renders nothing."""
+    return (scene, target, workspace or make_workspace(scene), 0, 0, 0, 0, 0, 0)
 
 
 def _kernel_count() -> int:
@@ -121,4 +130,4 @@ class PreparedScene:
 
     def empty_tile(self) -> FilmView:
         """Make an empty film of one tile, of the same type as the picture's, as kernels see it."""
-        return self.empty_region(Window(0, 0, TILE_SIZE, TILE_SIZE)).view()
+        return empty_tile(self.packed, self.options.aovs, denoise=self.options.denoise)

@@ -7,6 +7,7 @@ from raytracer.film.film import Film
 from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.pixel_accumulator import FilmView
+from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.scene.pack.scene import PackedScene
 
 if TYPE_CHECKING:
@@ -66,3 +67,13 @@ def empty_region(packed: PackedScene, window: Window, aovs: Sequence[str], *, de
         names = unique_aovs([*aovs, *(DENOISER_GUIDES if denoise else ())])
         recording = AovRecorder(names, height, width, scene_ids(packed.spec, packed))
     return FilmRegion(empty_film(packed.scene, width, height), recording, window.left, window.top)
+
+
+def empty_tile(packed: PackedScene, aovs: Sequence[str], *, denoise: bool = False) -> FilmView:
+    """Make an empty film of one tile, of the same type as those of a scene's picture, as kernels see it.
+
+    Raises
+    ------
+    InputError : there is no AOV of that name.
+    """
+    return empty_region(packed, Window(0, 0, TILE_SIZE, TILE_SIZE), aovs, denoise=denoise).view()

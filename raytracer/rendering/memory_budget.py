@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from raytracer.core.error_estimate.halves import FIRST_SPP
 from raytracer.core.geometry import Geometry, Primitive
-from raytracer.film.window import Window
-from raytracer.rendering.film_region import empty_region
+from raytracer.rendering.compilation import has_kernel
+from raytracer.rendering.film_region import empty_tile
 from raytracer.rendering.tile_job import film_arrays
 from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.scene.cache import RenderCache
@@ -39,9 +39,9 @@ _DEVELOPING_BYTES = 24
 # Bytes for the denoiser: of a pixel, its scratch memory, which it bounds, and its inputs and outputs; and for all.
 _SCRATCH_BYTES, _MAX_SCRATCH, _DENOISED_BYTES, _DENOISER_BYTES = 840, 3 * 10**9, 72, 60 * 10**6
 
-# Bytes of code and tables of a scene's kernel, halfway between what taking it from the cache needs (65 MB) and what
-# compiling it needs (160 MB).
-_KERNEL_BYTES = 110 * 10**6
+# Bytes of a scene's kernel: of its code and tables; and of the compiler and what it leaves, which take from 154 MB,
+# with parts at hand, to 292 MB.
+_KERNEL_BYTES, _COMPILER_BYTES = 15 * 10**6, 200 * 10**6
 
 # Bytes of a thread: its workspace, its stack and the allocator's arena.
 _THREAD_BYTES = 300_000
@@ -147,8 +147,8 @@ def picture_memory(
     InputError : there is no AOV of that name.
     """
     spec = packed.spec
-    tile = empty_region(packed, Window(0, 0, TILE_SIZE, TILE_SIZE), aovs, denoise=denoise)
-    film = sum(array.nbytes for array in film_arrays(tile.view())) // TILE_SIZE**2
+    tile = empty_tile(packed, aovs, denoise=denoise)
+    film = sum(array.nbytes for array in film_arrays(tile)) // TILE_SIZE**2
     if spec.camera.simulated_sensor() is not None:
         photograph = SENSOR_BYTES
     else:
@@ -166,9 +166,15 @@ def structure_memory(packed: PackedScene, cache: RenderCache | None = None) -> S
     return structure_bytes(packed.objects.geometries, packed.objects.groups, packed.objects.placements)
 
 
-def estimate_memory(structure: StructureMemory, picture: PictureMemory, threads: int) -> MemoryEstimate:
+def kernel_bytes(packed: PackedScene, aovs: Sequence[str], *, denoise: bool = False) -> int:
+    """Estimate the memory of a scene's kernel with these AOVs, and of compiling it unless that is done."""
+    is_compiled = has_kernel(packed.scene, empty_tile(packed, aovs, denoise=denoise))
+    return _KERNEL_BYTES if is_compiled else _COMPILER_BYTES
+
+
+def estimate_memory(structure: StructureMemory, picture: PictureMemory, kernel: int, threads: int) -> MemoryEstimate:
     """Estimate the memory of this process once a scene is packed: structure, kernel and picture."""
-    rest = {"the picture": picture.bytes(), "the kernel and its threads": _KERNEL_BYTES + threads * _THREAD_BYTES}
+    rest = {"the picture": picture.bytes(), "the kernel and its threads": kernel + threads * _THREAD_BYTES}
     # Either while the structure is built, or later.
     later = structure.resident + sum(rest.values())
     if structure.peak > later:

@@ -213,10 +213,11 @@ def prepare_scene(
     picture = memory_budget.picture_memory(
         packed, pixels, checked.max_spp, checked.aovs, denoise=checked.denoise, with_checkpoints=with_checkpoints
     )
-    memory_budget.check_memory(
-        memory_budget.estimate_memory(memory_budget.structure_memory(packed, cache), picture, checked.threads),
-        options.max_memory,
-    )
+    structure = memory_budget.structure_memory(packed, cache)
+    # A cluster's workers have kernels of their own.
+    kernel = memory_budget.kernel_bytes(packed, checked.aovs, denoise=checked.denoise) if remote is None else 0
+    needed = memory_budget.estimate_memory(structure, picture, kernel, checked.threads)
+    memory_budget.check_memory(needed, options.max_memory)
     timer.lap("pack")
     accel = packed.build(cache)
     timer.lap("build")

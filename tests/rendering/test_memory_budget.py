@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from raytracer.cli.base.app import main
+from raytracer.core.compiler import cache as kernel_cache
 from raytracer.core.embree import Accel
 from raytracer.core.geometry import Geometry, Primitive
+from raytracer.kernel.path_tracer import render_tile
 from raytracer.rendering import memory_budget
+from raytracer.rendering.compilation import compile_scene
 from raytracer.rendering.memory_budget import (
     MemoryEstimate,
     PictureMemory,
@@ -21,6 +24,7 @@ from raytracer.rendering.memory_budget import (
 from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.render import prepare_scene, render
 from raytracer.scene.cache import RenderCache
+from raytracer.scene.pack.scene import pack
 from raytracer.util.errors import InputError
 from raytracer.util.machine import MemoryLimit
 from tests.rendering.halves import halves
@@ -131,6 +135,17 @@ def test_a_structure_takes_what_is_estimated(made):
     assert estimate.resident <= estimate.peak
 
 
+def test_a_kernel_that_is_compiled_takes_no_compiler(monkeypatch, tmp_path):
+    packed = pack(halves())
+    compile_scene(packed.spec, packed)
+    assert memory_budget.kernel_bytes(packed, ()) < 2e7
+    # Nor do others know it, nor is one for other AOVs there.
+    assert memory_budget.kernel_bytes(packed, ("depth", "motion", "rays")) > 1e8
+    monkeypatch.setattr(kernel_cache, "CACHE_FOLDER", tmp_path / "kernels")
+    monkeypatch.setattr(render_tile, "_codes", {})
+    assert memory_budget.kernel_bytes(packed, ()) > 1e8
+
+
 def test_what_moves_takes_more_by_pose():
     rest = Geometry(Primitive.TRIANGLE, (np.zeros((3, 3), np.float32),), np.zeros((1000, 3), np.uint32))
     found = [structure_bytes({0: rest._replace(vertices=rest.vertices * poses)}, (), ()) for poses in (1, 2, 3, 9)]
@@ -152,7 +167,9 @@ def test_the_peak_is_that_of_this_process_and_not_of_the_one_that_started_it():
 
 _MEASURED = """
 import sys
+from raytracer.kernel.path_tracer import render_tile
 from raytracer.rendering import memory_budget
+from raytracer.rendering.compilation import compile_scene
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.render import render
 from raytracer.rendering.statistics import peak_rss_bytes

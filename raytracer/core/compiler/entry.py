@@ -43,6 +43,11 @@ def entry(function: Callable[..., Any]) -> Any:
     return function if _is_interpreted() else Entry(function)
 
 
+def needs_compiling(function: Any, *arguments: Any) -> bool:
+    """Tell if a call of an entry with arguments of these types would compile it, as far as one can tell before."""
+    return isinstance(function, Entry) and not function.is_at_hand(*arguments)
+
+
 def _is_interpreted() -> bool:
     """Return True if Numba is told to leave functions as they are, by its own setting."""
     if "numba" in sys.modules or "NUMBA_DISABLE_JIT" in os.environ:
@@ -89,6 +94,12 @@ class Entry:
         # Arrays of their own are let go with the call.
         last.packed = [argument if isinstance(argument.value, tuple) else _NOTHING for argument in packed]
         return last.code(b"".join([argument.data for argument in packed]))
+
+    def is_at_hand(self, *arguments: Any) -> bool:
+        """Tell if there is machine code for these types, in this process or on disk."""
+        kinds = tuple(pack_argument(argument).kind for argument in arguments)
+        key = self._key(kinds)
+        return kinds in self._codes or (key is not None and self._files().has(key))
 
     def _code(self, kinds: Hashable, arguments: Sequence[Any]) -> LoadedCode:
         """Find the machine code for types of arguments, in this process, on disk, or by compiling."""

@@ -89,6 +89,10 @@ class KernelFiles:
                 return data
         return None
 
+    def has(self, key: Any) -> bool:
+        """Tell if there is a file for a key that is signed by the user's key, so that it will be tried."""
+        return load_signed(self.path(key)) is not None
+
     def save(self, key: Any, data: Any) -> None:
         """Save the kernel compiled for a key atomically.
 
@@ -100,12 +104,12 @@ class KernelFiles:
     def compile_lock(self, key: Any) -> Iterator[None]:
         """Wait for another process that compiles for this key: what it then has saved need not be compiled again."""
         with contextlib.ExitStack() as stack:
-            if load_signed(self.path(key)) is None:
+            if not self.has(key):
                 # Without a lock, as in a folder that cannot be written, both compile.
                 with contextlib.suppress(OSError, NotImplementedError):
                     stack.enter_context(self._lock(key))
                 # All who waited may load at once.
-                if load_signed(self.path(key)) is not None:
+                if self.has(key):
                     stack.close()
             yield
 

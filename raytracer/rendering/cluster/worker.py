@@ -197,11 +197,9 @@ def _scene_folder(request: PrepareRequest) -> Path:
 
 def _build_scene(request: PrepareRequest, folder: Path, files: dict[str, bytes]) -> _WorkerScene:
     """Pack, build and compile a scene; `files` are those that are not in its folder yet."""
-    from raytracer.film.window import Window
     from raytracer.kernel.pixel_accumulator import FilmView
     from raytracer.rendering.compilation import compile_kernel
-    from raytracer.rendering.film_region import empty_region
-    from raytracer.rendering.tile_scheduler import TILE_SIZE
+    from raytracer.rendering.film_region import empty_tile
     from raytracer.scene.cache import RenderCache
     from raytracer.scene.pack.scene import pack
 
@@ -213,7 +211,7 @@ def _build_scene(request: PrepareRequest, folder: Path, files: dict[str, bytes])
     scene = packed.scene._replace(accel=accel.address)
 
     def scratch() -> FilmView:
-        return empty_region(packed, Window(0, 0, TILE_SIZE, TILE_SIZE), request.aovs, denoise=request.denoise).view()
+        return empty_tile(packed, request.aovs, denoise=request.denoise)
 
     compile_kernel(scene, scratch())
     return _WorkerScene(scene, accel, scratch)

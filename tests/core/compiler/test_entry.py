@@ -13,6 +13,7 @@ import pytest
 
 from raytracer.core.compiler import build_entry, cache, machine_code
 from raytracer.core.compiler.dispatch import entry
+from raytracer.core.compiler.entry import needs_compiling
 from raytracer.core.compiler.machine_code import MachineCode, pack_argument, stable_text
 
 
@@ -86,6 +87,21 @@ def test_arguments_arrive_where_they_belong(layout):
     assert total(*arguments) == total.__wrapped__(*arguments)
 
 
+def test_what_is_in_memory_or_on_disk_needs_no_compiling(tmp_path, monkeypatch):
+    monkeypatch.setattr(cache, "CACHE_FOLDER", tmp_path / "kernels")
+    arguments = Pair(3, 0.5), (True, False), np.ones((1, 1)), ((1, None), (None, 1))
+    monkeypatch.setattr(total, "_codes", {})
+    assert needs_compiling(total, *arguments)
+    total(*arguments)
+    assert not needs_compiling(total, *arguments)
+    monkeypatch.setattr(total, "_codes", {})
+    assert not needs_compiling(total, *arguments)
+    # Of other types.
+    assert needs_compiling(total, *arguments[:2], np.ones((1, 1), np.float32), arguments[3])
+    # What is not compiled at all.
+    assert not needs_compiling(total.__wrapped__, *arguments)
+
+
 def test_results_are_what_the_function_returns():
     @entry
     def everything(x):
@@ -153,6 +169,7 @@ _PROGRAM = """
 import sys
 import numpy as np
 from raytracer.core.compiler.dispatch import entry
+from raytracer.core.compiler.entry import needs_compiling
 from raytracer.core.simd import WIDTH, load, store
 from raytracer.core.vec import dot
 
