@@ -1,6 +1,7 @@
 """`rt lightfield decode`: raw pictures of cameras with microlenses."""
 
 import sys
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -14,7 +15,11 @@ from raytracer.cli.lightfield.base import Memory, Quiet, check_outputs, limit_me
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
+    from raytracer.lightfield.decoding.decoder import Decoded
+    from raytracer.lightfield.decoding.focused import DecodedFocused, FocusedOptics
     from raytracer.lightfield.decoding.microlens_grid import Grid
+
+_FOCUSED = "--microlens-focal-length"
 
 EXAMPLE = """\b
 Examples:
@@ -27,6 +32,9 @@ Examples:
   rt lightfield decode other.png --white white.png --grid grid.json -o other.lf
   rt lightfield decode IMG_0001.lfp --white caldata/ -o shot.lf     a Lytro's, with its metadata
   rt lightfield decode raw.png --white white.png --calibration camera.json -o shot.lf
+  rt lightfield decode raw.png --white white.png -o shot.lf --pixel-pitch 13.3um \
+      --focal-length 80mm --f-number 4 --focus-distance 1.01m --microlens-distance 1.87mm \
+      --microlens-focal-length 1.38mm,1.45mm,1.52mm                 focused microlenses of three kinds
 
 \b
 Pictures are .png or .tif of 8 or 16 bits, .exr or .npy, in linear light, upright, all of one size.  The white picture
@@ -76,6 +84,14 @@ def decode(
     microlens_distance: Annotated[
         str | None, takes("LENGTH", "From microlenses to sensor: 25um; default: what fits the f-number.")
     ] = None,
+    microlens_focal_length: Annotated[
+        str | None,
+        takes(
+            "LENGTHS",
+            "Of microlenses that focus the scene on the sensor (plenoptic 2.0): one, or three of interleaved kinds, "
+            "1.4mm,1.5mm,1.6mm; needs --white and all other lengths.",
+        ),
+    ] = None,
     focus_distance: Annotated[
         str | None,
         takes(
@@ -99,7 +115,8 @@ def decode(
 
     Pitch, rotation and offset of the grid of microlenses are found by themselves, whether it is square or hexagonal.
     Metres need --calibration, or --pixel-pitch, --focal-length, and --f-number or --microlens-distance; without,
-    distances are in pixels from view to view.
+    distances are in pixels from view to view.  --microlens-focal-length is for focused cameras, whose pixels become
+    rays: refocus them with --method rays.
     """
     if output is not None:
         check_outputs([output], (".lf",), "a light field")
@@ -111,6 +128,7 @@ def decode(
 
     from raytracer.lightfield.calibrating.camera import read_camera
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
+    from raytracer.lightfield.decoding.focused import decode_focused
     from raytracer.lightfield.decoding.lytro.container import is_container
     from raytracer.lightfield.decoding.lytro.decode import decode_photo
     from raytracer.lightfield.decoding.lytro.white_pictures import check_plain_white
@@ -132,19 +150,24 @@ def decode(
         if calibration is not None
         else Optics(pitch, focal, f_number, microlens_distance=behind, focus_distance=distance)
     )
-    if is_container(raw):
+    make: Callable[..., Decoded | DecodedFocused]
+    if microlens_focal_length is not None:
+        others = {"--views": views, "--calibration": calibration, "--colors": colors}
+        focused = _focused_optics(microlens_focal_length, given, others)
+        make = partial(decode_focused, optics=focused, dark=dark, bayer=bayer, srgb=srgb)
+    elif is_container(raw):
         for option, value in (("--dark", dark), ("--bayer", bayer), ("--srgb", srgb or None)):
             if value is not None:
                 raise InputError(f"{option}: {raw} is a container, whose metadata say that")
-        make = partial(decode_photo, colors=colors or "camera")
+        make = partial(decode_photo, colors=colors or "camera", views=views, optics=optics)
     else:
         if colors is not None:
             raise InputError(f"--colors: is for photographs of a Lytro, .lfp and .lfr, and {raw} is none")
         if white is not None:
             check_plain_white(white, raw)
-        make = partial(decode_picture, dark=dark, bayer=bayer, srgb=srgb)
+        make = partial(decode_picture, dark=dark, bayer=bayer, srgb=srgb, views=views, optics=optics)
     with limit_memory(memory):
-        light_field = make(raw, white, grid=known, views=views, optics=optics)
+        light_field = make(raw, white, grid=known)
     for note in () if quiet else light_field.notes:
         print(f"note: {note}", file=sys.stderr)
     if output is not None:
@@ -157,6 +180,34 @@ def decode(
         print(_summary(light_field.grid))
         size = light_field.views
         print(f"views        {size.columns} x {size.rows}, of {size.width} x {size.height} pixels")
+
+
+def _focused_optics(
+    focal_lengths: str, given: Mapping[str, float | None], others: Mapping[str, object]
+) -> "FocusedOptics":
+    """Return the optics of a focused camera.
+
+    given : all other lengths by option.
+    others : options that are not for such cameras.
+    """
+    from raytracer.lightfield.decoding.focused import FocusedOptics
+
+    for option, value in others.items():
+        if value is not None:
+            raise InputError(f"{_FOCUSED} and {option} exclude each other: pixels of focused cameras are sorted by ray")
+    lengths = {option: value for option, value in given.items() if value is not None}
+    for option in given:
+        if option not in lengths:
+            raise InputError(f"{_FOCUSED}: needs {option}, too: a pixel is a ray, which all lengths together tell")
+    kinds = tuple(_length(_FOCUSED, part, "um") or 0.0 for part in focal_lengths.split(","))
+    return FocusedOptics(
+        pixel_pitch=lengths["--pixel-pitch"],
+        focal_length=lengths["--focal-length"],
+        f_number=lengths["--f-number"],
+        focus_distance=lengths["--focus-distance"],
+        microlens_distance=lengths["--microlens-distance"],
+        microlens_focal_lengths=kinds,
+    )
 
 
 def _summary(grid: "Grid") -> str:

@@ -123,16 +123,18 @@ class Lenslets:
         """Return True if microlenses focus the scene on the sensor, and not the main lens (plenoptic 2.0)."""
         return self.inverse_focus != self.inverse_distance
 
-    def light_field(self, image: "Image") -> LightField:
+    def light_field(self, image: "Image", lit: FloatArray | None = None) -> LightField:
         """Extract the views; of a focused arrangement also rays, one a pixel.
 
         Views at the rim of the lens, which gather light through a part of their cell, are brightened as if they did
         through all of it; those without any are black.  Layers stay as they were seen.
 
+        lit : (height, width), fraction of its light that each pixel of the image has; by default `lit`, the camera's.
+
         Raises ValueError: the picture is too small to hold any view.
         """
         views = self.views
-        lit = self.lit
+        lit = self.lit if lit is None else lit
         layers = {name: np.asarray(layer) for name, layer in image.layers.items()}
         rays_layer = layers.pop(RAYS_LAYER, None)
         rays = self._rays(image.radiance, lit) if self.is_focused else None
@@ -148,11 +150,11 @@ class Lenslets:
     def lit(self) -> FloatArray:
         """Fraction of the aperture's cell that each pixel sees which is open, (height, width)."""
         if self.kinds:
-            return np.asarray(np.choose(self._kinds, [self._lit_through(blur) for blur in self.kinds]))
-        return self._lit_through(self.blur)
+            return np.asarray(np.choose(self.pixel_kinds, [self.lit_through(blur) for blur in self.kinds]))
+        return self.lit_through(self.blur)
 
-    def _lit_through(self, blur: float) -> FloatArray:
-        """Compute the fraction that is open, through microlenses of one kind."""
+    def lit_through(self, blur: float) -> FloatArray:
+        """Compute the fraction that is open, (height, width), if all microlenses were of one `blur` (m/px)."""
         if self.aperture is None:
             return np.ones((self.height, self.width))
         _, away = self._pixels
@@ -165,7 +167,10 @@ class Lenslets:
         x, y = np.meshgrid(places, places)
         inside = self._cell_points()
         spread = blur / self.stride * inside
-        table = np.mean([self._open_fraction(x - right, y - down) for right, down in spread], axis=0)
+        table = np.zeros_like(x)
+        for right, down in spread:
+            table += self._open_fraction(x - right, y - down)
+        table /= len(spread)
         fractions, _ = sample_bilinear(table[..., None], None, _STEPS * away + (reach + 0.5), None)
         return fractions[..., 0]
 
@@ -203,7 +208,7 @@ class Lenslets:
         return best, places - best
 
     @cached_property
-    def _kinds(self) -> NDArray[np.intp]:
+    def pixel_kinds(self) -> NDArray[np.intp]:
         """Kinds of the microlenses of all pixels, (height, width)."""
         return microlens_kinds(self.lattice, self._pixels[0])
 
@@ -217,7 +222,7 @@ class Lenslets:
         if not self.kinds:
             return lit
         spots = np.array([self.bundle(kind).spot(self.inverse_focus) for kind in range(len(self.kinds))])
-        return np.asarray(lit * sharpness(spots, self.views.plane.pixel)[self._kinds])
+        return np.asarray(lit * sharpness(spots, self.views.plane.pixel)[self.pixel_kinds])
 
     def _rays(self, radiance: NDArray[Any], lit: FloatArray) -> Rays:
         """Make a ray for each pixel that sees through the aperture, through the middle of its microlens."""
@@ -228,7 +233,9 @@ class Lenslets:
         seen = lit > _MIN_COVERAGE
         place = np.concatenate([on_lens[seen], image[seen]], axis=-1)
         bundles = (
-            np.array([self.bundle(kind) for kind in range(len(self.kinds))])[self._kinds[seen]] if self.kinds else None
+            np.array([self.bundle(kind) for kind in range(len(self.kinds))])[self.pixel_kinds[seen]]
+            if self.kinds
+            else None
         )
         return Rays(place, np.asarray(radiance[seen], dtype=np.float64), lit[seen], bundles)
 

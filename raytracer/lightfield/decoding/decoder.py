@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,6 +196,38 @@ def decode(
     InputError : files are missing or broken, sizes differ, no grid is found, numbers make no sense, or it takes more
         memory than is given.
     """
+    prepared = prepare_raw(raw, white, dark=dark, grid=grid, bayer=bayer, srgb=srgb)
+    return _make_decoded(prepared, optics or Optics(), views)
+
+
+class PreparedRaw(NamedTuple):
+    """Raw picture without dark and vignetting, and the grid of its microlenses.
+
+    light : picture, (height, width) or (height, width, channels), in units of `scale`.
+    scale : light of one unit of `light`.
+    weight : light that each pixel gets, 0..1; None without a white picture.
+    name : of the raw picture.
+    notes : sentences for the user, about what is unusual.
+    """
+
+    light: Floats32 | NDArray[np.uint16]
+    scale: float
+    weight: Floats32 | None
+    grid: Grid
+    name: str
+    notes: list[str]
+
+
+def prepare_raw(
+    raw: Source,
+    white: Source | None,
+    *,
+    dark: Source | None = None,
+    grid: Grid | None = None,
+    bayer: str | None = None,
+    srgb: bool = False,
+) -> PreparedRaw:
+    """Take dark and vignetting off a raw picture, and find its microlenses; parameters and errors are `decode`'s."""
     names = {kind: source_name(source, kind) for kind, source in (("raw", raw), ("white", white), ("dark", dark))}
     notes: list[str] = []
     picture = read_raw(raw, names["raw"], srgb)
@@ -241,20 +274,12 @@ def decode(
             f"{grid.height}"
         )
     light, scale = (picture, 1.0) if bayer is None else demosaic(picture, bayer)
-    return _make_decoded(light, scale, weight, grid, optics or Optics(), views, names["raw"], notes)
+    return PreparedRaw(light, scale, weight, grid, names["raw"], notes)
 
 
-def _make_decoded(
-    picture: Floats32 | NDArray[np.uint16],
-    scale: float,
-    weight: Floats32 | None,
-    grid: Grid,
-    optics: Optics | CameraModel,
-    count: int | None,
-    name: str,
-    notes: list[str],
-) -> Decoded:
+def _make_decoded(prepared: PreparedRaw, optics: Optics | CameraModel, count: int | None) -> Decoded:
     """Set up the resampler and the geometry of the views."""
+    picture, scale, weight, grid, name, notes = prepared
     height, width = picture.shape[:2]
     most = math.floor(grid.lattice.pitch)
     number = (most if most % 2 else most - 1) if count is None else count
@@ -275,14 +300,19 @@ def _make_decoded(
     if camera is not None:
         camera.check_views(views, "--calibration")
         views = camera.views(grid.diameter)
-    settings: dict[str, str | float | int] = {
-        "decoded": name,
-        "microlenses": grid.layout,
-        "microlens_pitch_pixels": grid.lattice.pitch,
-        "microlens_rotation_degrees": grid.lattice.rotation,
-    }
+    settings = grid_settings(grid, name)
     if camera is None and nominal.missing:
         settings["units"] = "views"
         notes.append(f"distances are in pixels from view to view; metres would need {nominal.missing}")
     rectified = camera if camera is not None and camera.is_distorted else None
     return Decoded(grid, views, settings, tuple(notes), resampler, picture, scale, weight, camera=rectified)
+
+
+def grid_settings(grid: Grid, name: str) -> dict[str, str | float | int]:
+    """Return what the file of a decoded light field says of the raw picture `name` and its grid."""
+    return {
+        "decoded": name,
+        "microlenses": grid.layout,
+        "microlens_pitch_pixels": grid.lattice.pitch,
+        "microlens_rotation_degrees": grid.lattice.rotation,
+    }

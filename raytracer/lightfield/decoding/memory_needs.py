@@ -14,6 +14,9 @@ _VIEW_PIXEL_BYTES, _VIEW_BYTES = 2000, 40_000
 """Bytes a pixel of one view, for what is interpolated and for the views that threads make; and of each view, for the
 part of the lens that it sees."""
 
+_RAY_BYTES = 350
+"""Bytes a pixel of the raw picture of a focused camera, for its rays, and for views with as many pixels in all."""
+
 _INSTEAD = "pictures of which the borders are cut off take less"
 
 
@@ -58,3 +61,13 @@ def require_light_field(name: str, stored: int) -> None:
     InputError : they take more memory than is given.
     """
     require_memory(stored, f"keeping all views of {name}", "fewer views (--views) take less")
+
+
+def require_rays(name: str, width: int, height: int) -> None:
+    """Refuse to make views and rays of a raw picture of a focused camera that does not fit.
+
+    Raises
+    ------
+    InputError : it takes more memory than is given.
+    """
+    require_memory(_RAY_BYTES * width * height, f"sorting the rays of {name}, {width} x {height} pixels,", _INSTEAD)
