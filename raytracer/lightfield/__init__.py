@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from raytracer.lightfield.capturing.capture import Captured, capture
     from raytracer.lightfield.decoding.calibration import find_grid
     from raytracer.lightfield.decoding.decoder import Decoded, decode
+    from raytracer.lightfield.decoding.focused import DecodedFocused, FocusedOptics, decode_focused
     from raytracer.lightfield.decoding.lytro.decode import decode_photo
     from raytracer.lightfield.decoding.microlens_grid import Grid, Optics, read_grid
     from raytracer.lightfield.depth.depth_map import Depth, depth_map
@@ -56,6 +57,7 @@ _MODULES = {
     "raytracer.lightfield.capturing.capture": ("Captured", "capture"),
     "raytracer.lightfield.decoding.calibration": ("find_grid",),
     "raytracer.lightfield.decoding.decoder": ("Decoded", "decode"),
+    "raytracer.lightfield.decoding.focused": ("DecodedFocused", "FocusedOptics", "decode_focused"),
     "raytracer.lightfield.decoding.lytro.decode": ("decode_photo",),
     "raytracer.lightfield.decoding.microlens_grid": ("Grid", "Optics", "read_grid"),
     "raytracer.lightfield.depth.depth_map": ("Depth", "depth_map"),
@@ -83,7 +85,9 @@ __all__ = [
     "CameraModel",
     "Captured",
     "Decoded",
+    "DecodedFocused",
     "Depth",
+    "FocusedOptics",
     "FourierRefocuser",
     "FreeCamera",
     "FreeView",
@@ -102,6 +106,7 @@ __all__ = [
     "capture",
     "cell_weights",
     "decode",
+    "decode_focused",
     "decode_photo",
     "depth_map",
     "epipolar_slice",

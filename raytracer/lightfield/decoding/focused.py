@@ -59,7 +59,7 @@ class FocusedOptics:
     microlens_focal_lengths: tuple[float, ...]
 
     def lenslets(self, grid: Grid) -> Lenslets:
-        """Lay out the pixels of a camera with this grid; of three kinds in the order of their focal lengths.
+        """Lay out the pixels of a camera with this grid; of three kinds in the order in which they are given.
 
         Raises
         ------
@@ -71,23 +71,8 @@ class FocusedOptics:
             raise InputError(f"microlenses have one focal length or {COUNT}, not {len(kinds)}")
         if len(kinds) == COUNT and not grid.lattice.hexagonal:
             raise InputError("microlenses of three kinds stand on hexagons, and those of the grid on squares")
-        middle, plane = sorted(kinds)[len(kinds) // 2], self.focus_distance / METRES_PER_MILLIMETRE
-        if middle == distance:
-            raise InputError(
-                f"microlenses whose focal length is their distance, {self.microlens_distance:g} um, show infinity: "
-                "such a camera is decoded without their focal length"
-            )
-        if plane <= self.focal_length:
-            raise InputError(
-                f"the focus distance, {self.focus_distance:g} m, must be more than the focal length, "
-                f"{METRES_PER_MILLIMETRE * self.focal_length:g} m"
-            )
-        # By Gauss's equation the image of the plane of focus lies so far before the microlenses, or behind them.
-        before = middle * distance / (distance - middle)
-        image = 1.0 / (1.0 / self.focal_length - 1.0 / plane) + before
-        if image <= 0.0:
-            raise InputError(f"microlenses of {1e3 * middle:g} um, {1e3 * distance:g} um before the sensor, would lie "
-                             "before the main lens")  # fmt: skip
+        middle = sorted(kinds)[len(kinds) // 2]
+        image = self._array_distance(middle, distance)
         spread = 1.0 + distance / image
         blurs = [METRES_PER_MILLIMETRE * pixel / spread * (1.0 + image / distance - image / own) for own in kinds]
         return Lenslets(
@@ -104,6 +89,36 @@ class FocusedOptics:
             blur=blurs[kinds.index(middle)],
             kinds=tuple(blurs) if len(kinds) == COUNT else (),
         )
+
+    def _array_distance(self, microlens: float, sensor: float) -> float:
+        """Compute the distance of the microlenses from the main lens (mm).
+
+        microlens, sensor (mm) : focal length of the microlenses that show the plane of focus, and distance behind them.
+
+        Raises
+        ------
+        InputError : there is none.
+        """
+        plane = self.focus_distance / METRES_PER_MILLIMETRE
+        if microlens == sensor:
+            raise InputError(
+                f"microlenses whose focal length is their distance, {self.microlens_distance:g} um, show infinity: "
+                "such a camera is decoded without their focal length"
+            )
+        if plane <= self.focal_length:
+            raise InputError(
+                f"the focus distance, {self.focus_distance:g} m, must be more than the focal length, "
+                f"{METRES_PER_MILLIMETRE * self.focal_length:g} m"
+            )
+        # By Gauss's equation the image of the plane of focus lies so far before the microlenses, or behind them.
+        before = microlens * sensor / (sensor - microlens)
+        away = 1.0 / (1.0 / self.focal_length - 1.0 / plane) + before
+        if away <= 0.0:
+            raise InputError(
+                f"microlenses of {1e3 * microlens:g} um, {self.microlens_distance:g} um before the sensor, would lie "
+                "before the main lens"
+            )
+        return away
 
 
 def _staggered(lattice: Lattice) -> Lattice:
@@ -177,11 +192,18 @@ def decode_focused(
     bayer: str | None = None,
     srgb: bool = False,
 ) -> DecodedFocused:
-    """Find the microlenses of a focused camera, and their kinds; parameters and errors are `decode`'s, and besides:
+    """Find the microlenses of a focused camera, and their kinds, and make its raw picture ready to be sorted by rays.
+
+    Parameters
+    ----------
+    white : picture of something evenly bright with the same camera at the same settings.
+    optics : of the camera; three kinds may have any order.
+    dark, grid, bayer, srgb : as of `decode`.
 
     Raises
     ------
-    InputError : there is no white picture, it does not tell three kinds apart, or the picture holds no view.
+    InputError : as of `decode`; and there is no white picture, it does not tell three kinds apart, there is no such
+        camera, or the picture holds no view.
     """
     if white is None:
         name = source_name(raw, "raw")
