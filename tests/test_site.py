@@ -1,5 +1,6 @@
 """The site: it builds without a warning or a network, its links lead somewhere, and it fits into small windows."""
 
+import itertools
 import re
 import subprocess
 import sys
@@ -119,6 +120,16 @@ def test_pages_have_one_title_headings_in_order_and_pictures_with_words(site: Pa
         assert not page.undescribed, name
 
 
+def test_columns_of_tables_have_names() -> None:
+    nameless = []
+    for path in sorted((ROOT / "docs").rglob("*.md")):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        for number, (head, rule) in enumerate(itertools.pairwise(lines), 1):
+            if re.fullmatch(r"\|(\s*:?-+:?\s*\|)+", rule) and "" in map(str.strip, head.strip("|").split("|")):
+                nameless.append(f"{path.relative_to(ROOT)}:{number}: {head}")
+    assert nameless == []
+
+
 def test_the_site_has_four_parts_and_a_page_for_every_kind_and_command(site: Path, pages: dict[Path, Page]) -> None:
     text = (site / "index.html").read_text(encoding="utf-8")
     captions = re.findall(r'class="caption"[^>]*><span class="caption-text">([^<]+)<', text)
@@ -169,8 +180,11 @@ def test_pages_of_each_sort_are_without_barriers(width: int, scheme: str, site: 
 @WINDOWS
 @pytest.mark.slow
 def test_no_page_has_barriers(width: int, scheme: str, whole_site: Path, open_page: Any) -> None:
-    for path in whole_site.rglob("*.html"):
-        assert barriers(open_page(path, size=(width, 800), color_scheme=scheme)) == [], path.name
+    found = {}
+    for path in sorted(whole_site.rglob("*.html")):
+        if here := barriers(open_page(path, size=(width, 800), color_scheme=scheme)):
+            found[path.relative_to(whole_site).as_posix()] = here
+    assert found == {}
 
 
 @WINDOWS

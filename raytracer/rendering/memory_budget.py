@@ -39,8 +39,8 @@ _DEVELOPING_BYTES = 24
 # Bytes for the denoiser: of a pixel, its scratch memory, which it bounds, and its inputs and outputs; and for all.
 _SCRATCH_BYTES, _MAX_SCRATCH, _DENOISED_BYTES, _DENOISER_BYTES = 840, 3 * 10**9, 72, 60 * 10**6
 
-# Bytes of a scene's kernel: of its code and tables; and of the compiler and what it leaves, which take from 154 MB,
-# with parts at hand, to 292 MB.
+# Bytes of a scene's kernel: of its code and tables; and of these with the compiler and what it leaves, which take from
+# 154 MB, with parts at hand, to 292 MB.
 _KERNEL_BYTES, _COMPILER_BYTES = 15 * 10**6, 200 * 10**6
 
 # Bytes of a thread: its workspace, its stack and the allocator's arena.

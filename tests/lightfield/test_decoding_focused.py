@@ -124,6 +124,16 @@ def test_views_are_those_of_the_camera():
     assert np.sqrt(np.mean((field.radiance[part] - made.radiance[part]) ** 2)) < 0.02
 
 
+def test_a_glint_is_no_defect():
+    raw, white = (picture.copy() for picture in pictures())
+    place = WIDTH // 2, WIDTH // 2
+    raw[place] *= 5.0
+    decoded = decode_focused(raw, white, optics_of(camera()))
+    assert decoded.weight[place] > 0.9
+    white[place] = 0.0
+    assert decode_focused(raw, white, optics_of(camera())).weight[place] == 0.0
+
+
 def change(optics, **values):
     return dataclasses.replace(optics, **values)
 
@@ -133,12 +143,24 @@ def change(optics, **values):
     [
         (lambda optics: change(optics, microlens_focal_lengths=(1e3, 2e3)), "one focal length or 3, not 2"),
         (lambda optics: change(optics, focus_distance=0.05), "0.05 m, must be more than the focal length, 0.08 m"),
-        (lambda optics: change(optics, microlens_distance=1.45e3), "whose focal length is their distance, 1450 um"),
+        (lambda optics: change(optics, microlens_distance=1.45e3), "show infinity by a focal length of as much"),
+        (lambda optics: change(optics, microlens_distance=1.4500001e3), "microlenses in a row would see one place"),
+        (lambda optics: change(optics, f_number=0.0), "f number: must be greater than 0 and finite, got 0"),
+        (lambda optics: change(optics, microlens_focal_lengths=(1e3, 1e3, np.inf)), "focal length 3: must be greater"),
         (
             lambda optics: change(optics, microlens_distance=1440.0, microlens_focal_lengths=(1450.0,)),
             "before the main",
         ),
         (lambda optics: change(optics, microlens_focal_lengths=(1450.0,) * 3), "does not tell which microlenses"),
+        # Far too short ones let no light through, or make views that are far too large.
+        (
+            lambda optics: change(optics, microlens_focal_lengths=(280.0, 300.0, 320.0)),
+            "does not tell which microlenses",
+        ),
+        (
+            lambda optics: change(optics, microlens_focal_lengths=(1.38, 1.45, 1.52)),
+            r"rays of raw into views, \d+ pixels, takes",
+        ),
     ],
 )
 def test_what_cannot_be_decoded_is_told(made, told):
@@ -161,13 +183,16 @@ def test_memory_is_kept(focal_length):
     grid, optics = Grid(layout_of(focal_length).lattice, WIDTH, WIDTH), optics_of(camera(focal_length))
     raw, white = (picture.astype(np.float32) for picture in pictures(focal_length))
     tracemalloc.start()
-    decode_focused(raw, white, optics, grid=grid).light_field()
+    field = decode_focused(raw, white, optics, grid=grid).light_field()
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     # As much as is said, which is more than half of it used.
-    needed = 350 * WIDTH**2
+    needed = 350 * max(WIDTH**2, field.radiance[..., 0].size)
     assert 0.5 * needed < peak < needed
-    with memory_limit(needed - 1), pytest.raises(InputError, match="sorting the rays of raw, 220 x 220 pixels, takes"):
+    with (
+        memory_limit(needed - 1),
+        pytest.raises(InputError, match=r"sorting the rays of raw into views, \d+ pixels, takes"),
+    ):
         decode_focused(raw, white, optics, grid=grid)
 
 
@@ -207,3 +232,7 @@ def test_the_command_writes_rays(tmp_path, capsys):
     assert "--microlens-focal-length and --views exclude each other" in capsys.readouterr().err
     assert main([*files, *words_of({**lengths, "--microlens-focal-length": "1.4mm,x"})]) == 2
     assert "--microlens-focal-length x" in capsys.readouterr().err
+    photo = tmp_path / "photo.lfp"
+    photo.write_bytes(b"\x89LFP\r\n\x1a\n" + bytes(8))
+    assert main(["lightfield", "decode", str(photo), *words_of(lengths)]) == 2
+    assert "photo.lfp is a photograph of a Lytro, whose microlenses are not focused" in capsys.readouterr().err

@@ -139,8 +139,7 @@ def test_a_kernel_that_is_compiled_takes_no_compiler(monkeypatch, tmp_path):
     packed = pack(halves())
     compile_scene(packed.spec, packed)
     assert memory_budget.kernel_bytes(packed, ()) < 2e7
-    # Nor do others know it, nor is one for other AOVs there.
-    assert memory_budget.kernel_bytes(packed, ("depth", "motion", "rays")) > 1e8
+    # In another process, with another cache, it is compiled.
     monkeypatch.setattr(kernel_cache, "CACHE_FOLDER", tmp_path / "kernels")
     monkeypatch.setattr(render_tile, "_codes", {})
     assert memory_budget.kernel_bytes(packed, ()) > 1e8
@@ -167,9 +166,7 @@ def test_the_peak_is_that_of_this_process_and_not_of_the_one_that_started_it():
 
 _MEASURED = """
 import sys
-from raytracer.kernel.path_tracer import render_tile
 from raytracer.rendering import memory_budget
-from raytracer.rendering.compilation import compile_scene
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.render import render
 from raytracer.rendering.statistics import peak_rss_bytes
@@ -220,8 +217,13 @@ def test_estimates_are_within_a_quarter_of_what_is_taken(name, width, height, ao
     path = tmp_path / "photograph.yaml" if name == "photograph" else SCENES / f"{name}.yaml"
     kept = os.fspath(tmp_path / keeps) if keeps else ""
     given = [os.fspath(path), str(width), str(height), aovs, denoise, kept]
-    done = subprocess.run(
-        [sys.executable, "-c", _MEASURED, *given], capture_output=True, text=True, check=True, timeout=900
-    )
-    estimate, peak = map(int, done.stdout.split())
-    assert estimate == pytest.approx(peak, rel=0.25)
+    words = [sys.executable, "-c", _MEASURED, *given]
+    environment = {**os.environ, "RAYTRACER_CACHE_DIR": str(tmp_path / "kernels")}
+    estimates = []
+    # The first compiles the kernel, and the second has it from the cache.
+    for _ in range(2):
+        done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=900, env=environment)
+        estimate, peak = map(int, done.stdout.split())
+        assert estimate == pytest.approx(peak, rel=0.25)
+        estimates.append(estimate)
+    assert estimates[1] < estimates[0] - 150e6

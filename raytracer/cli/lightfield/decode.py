@@ -32,8 +32,8 @@ Examples:
   rt lightfield decode other.png --white white.png --grid grid.json -o other.lf
   rt lightfield decode IMG_0001.lfp --white caldata/ -o shot.lf     a Lytro's, with its metadata
   rt lightfield decode raw.png --white white.png --calibration camera.json -o shot.lf
-  rt lightfield decode raw.png --white white.png -o shot.lf --pixel-pitch 13.3um \
-      --focal-length 80mm --f-number 4 --focus-distance 1.01m --microlens-distance 1.87mm \
+  rt lightfield decode raw.png --white white.png -o shot.lf --pixel-pitch 13.3um \\
+      --focal-length 80mm --f-number 4 --focus-distance 1.01m --microlens-distance 1.87mm \\
       --microlens-focal-length 1.38mm,1.45mm,1.52mm                 focused microlenses of three kinds
 
 \b
@@ -82,7 +82,8 @@ def decode(
     focal_length: Annotated[str | None, takes("LENGTH", "Of the main lens: 50mm.")] = None,
     f_number: Annotated[float | None, takes("N", "Of the main lens.")] = None,
     microlens_distance: Annotated[
-        str | None, takes("LENGTH", "From microlenses to sensor: 25um; default: what fits the f-number.")
+        str | None,
+        takes("LENGTH", "From microlenses to sensor: 25um; default: what fits the f-number, if they are not focused."),
     ] = None,
     microlens_focal_length: Annotated[
         str | None,
@@ -97,7 +98,7 @@ def decode(
         takes(
             "LENGTH",
             "Plane that is sharp on the microlenses, from the lens: 1.5m; default: by the metadata of a .lfp or .lfr "
-            "file, else inf.",
+            "file, else inf.  Of focused ones, the plane that those of the middle focal length show on the sensor.",
         ),
     ] = None,
     colors: Annotated[
@@ -154,6 +155,10 @@ def decode(
     if microlens_focal_length is not None:
         others = {"--views": views, "--calibration": calibration, "--colors": colors}
         focused = _focused_optics(microlens_focal_length, given, others)
+        if is_container(raw):
+            raise InputError(f"{_FOCUSED}: {raw} is a photograph of a Lytro, whose microlenses are not focused")
+        if white is not None:
+            check_plain_white(white, raw)
         make = partial(decode_focused, optics=focused, dark=dark, bayer=bayer, srgb=srgb)
     elif is_container(raw):
         for option, value in (("--dark", dark), ("--bayer", bayer), ("--srgb", srgb or None)):
@@ -194,12 +199,12 @@ def _focused_optics(
 
     for option, value in others.items():
         if value is not None:
-            raise InputError(f"{_FOCUSED} and {option} exclude each other: pixels of focused cameras are sorted by ray")
+            raise InputError(f"{_FOCUSED} and {option} exclude each other: {option} is not for focused cameras")
     lengths = {option: value for option, value in given.items() if value is not None}
     for option in given:
         if option not in lengths:
             raise InputError(f"{_FOCUSED}: needs {option}, too: a pixel is a ray, which all lengths together tell")
-    kinds = tuple(_length(_FOCUSED, part, "um") or 0.0 for part in focal_lengths.split(","))
+    kinds = tuple(1e3 * _finite(_FOCUSED, part) for part in focal_lengths.split(","))
     return FocusedOptics(
         pixel_pitch=lengths["--pixel-pitch"],
         focal_length=lengths["--focal-length"],
@@ -228,7 +233,13 @@ def _length(option: str, text: str | None, unit: Literal["mm", "um"]) -> float |
     """Parse a finite length, in a unit; None if the option is not given."""
     if text is None:
         return None
+    millimetres = _finite(option, text)
+    return millimetres if unit == "mm" else 1e3 * millimetres
+
+
+def _finite(option: str, text: str) -> float:
+    """Parse a finite length (mm)."""
     millimetres = parse_positive(option, text, "optic")
     if millimetres == float("inf"):
         raise InputError(f"{option} {text}: must be finite")
-    return millimetres if unit == "mm" else 1e3 * millimetres
+    return millimetres

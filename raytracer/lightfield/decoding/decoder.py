@@ -226,8 +226,12 @@ def prepare_raw(
     grid: Grid | None = None,
     bayer: str | None = None,
     srgb: bool = False,
+    has_glints: bool = False,
 ) -> PreparedRaw:
-    """Take dark and vignetting off a raw picture, and find its microlenses; parameters and errors are `decode`'s."""
+    """Take dark and vignetting off a raw picture, and find its microlenses; other parameters and errors are `decode`'s.
+
+    has_glints : True if microlenses show the scene sharply: a bright pixel of `raw` then need not be defective.
+    """
     names = {kind: source_name(source, kind) for kind, source in (("raw", raw), ("white", white), ("dark", dark))}
     notes: list[str] = []
     picture = read_raw(raw, names["raw"], srgb)
@@ -263,7 +267,9 @@ def prepare_raw(
             notes.append("every other pixel is brighter: if they have colour filters, --bayer says in which order")
         grid = grid or find_grid(flat, names["white"])
         weight = light_weight(flat)
-        defective = find_defects(flat, mosaic, dead=True) | find_defects(picture, mosaic)
+        defective = find_defects(flat, mosaic, dead=True)
+        if not has_glints:
+            defective |= find_defects(picture, mosaic)
         if number := int(np.count_nonzero(defective & (weight > LEAST_LIGHT))):
             notes.append(f"{number} defective pixels are left out")
         weight[defective] = 0.0

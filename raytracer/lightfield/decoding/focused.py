@@ -8,8 +8,10 @@ References: Lumsdaine, Georgiev 2009, "The Focused Plenoptic Camera", ICCP; Perw
 3D-Camera with Extended Depth-of-Field", Proc. SPIE 8291.
 """
 
+import dataclasses
 import itertools
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,10 +24,10 @@ from raytracer.film.light_field.lattice import Lattice
 from raytracer.film.light_field.lenslet_kinds import COUNT
 from raytracer.film.light_field.lenslets import Lenslets
 from raytracer.film.light_field.views import Views
-from raytracer.lightfield.decoding.decoder import PreparedRaw, grid_settings, prepare_raw
+from raytracer.lightfield.decoding.decoder import grid_settings, prepare_raw
 from raytracer.lightfield.decoding.memory_needs import require_rays
 from raytracer.lightfield.decoding.microlens_grid import Grid
-from raytracer.lightfield.decoding.raw_image import LEAST_LIGHT, Source, source_name
+from raytracer.lightfield.decoding.raw_image import LEAST_LIGHT, Floats32, Source, source_name
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 from raytracer.util.errors import InputError
 
@@ -58,6 +60,22 @@ class FocusedOptics:
     microlens_distance: float
     microlens_focal_lengths: tuple[float, ...]
 
+    def check(self) -> None:
+        """Check that there is such a camera.
+
+        Raises
+        ------
+        InputError : there is none.
+        """
+        lengths = dataclasses.asdict(self)
+        kinds = lengths.pop("microlens_focal_lengths")
+        if len(kinds) not in (1, COUNT):
+            raise InputError(f"microlenses have one focal length or {COUNT}, not {len(kinds)}")
+        for name, length in (*lengths.items(), *((f"focal length {i + 1}", own) for i, own in enumerate(kinds))):
+            if not length > 0.0 or (math.isinf(length) and name != "focus_distance"):
+                raise InputError(f"{name.replace('_', ' ')}: must be greater than 0 and finite, got {length:g}")
+        self._array_distance()
+
     def lenslets(self, grid: Grid) -> Lenslets:
         """Lay out the pixels of a camera with this grid; of three kinds in the order in which they are given.
 
@@ -65,14 +83,12 @@ class FocusedOptics:
         ------
         InputError : there is no such camera.
         """
+        self.check()
         pixel, distance = (_MILLIMETRES_PER_MICROMETRE * size for size in (self.pixel_pitch, self.microlens_distance))
         kinds = [_MILLIMETRES_PER_MICROMETRE * size for size in self.microlens_focal_lengths]
-        if len(kinds) not in (1, COUNT):
-            raise InputError(f"microlenses have one focal length or {COUNT}, not {len(kinds)}")
         if len(kinds) == COUNT and not grid.lattice.hexagonal:
             raise InputError("microlenses of three kinds stand on hexagons, and those of the grid on squares")
-        middle = sorted(kinds)[len(kinds) // 2]
-        image = self._array_distance(middle, distance)
+        image = self._array_distance()
         spread = 1.0 + distance / image
         blurs = [METRES_PER_MILLIMETRE * pixel / spread * (1.0 + image / distance - image / own) for own in kinds]
         return Lenslets(
@@ -86,43 +102,38 @@ class FocusedOptics:
             inverse_focus=1.0 / self.focus_distance,
             aperture=METRES_PER_MILLIMETRE * self.focal_length / self.f_number,
             focal_length=self.focal_length,
-            blur=blurs[kinds.index(middle)],
+            blur=sorted(blurs)[len(blurs) // 2],
             kinds=tuple(blurs) if len(kinds) == COUNT else (),
         )
 
-    def _array_distance(self, microlens: float, sensor: float) -> float:
+    def _array_distance(self) -> float:
         """Compute the distance of the microlenses from the main lens (mm).
-
-        microlens, sensor (mm) : focal length of the microlenses that show the plane of focus, and distance behind them.
 
         Raises
         ------
         InputError : there is none.
         """
-        plane = self.focus_distance / METRES_PER_MILLIMETRE
-        if microlens == sensor:
-            raise InputError(
-                f"microlenses whose focal length is their distance, {self.microlens_distance:g} um, show infinity: "
-                "such a camera is decoded without their focal length"
-            )
+        middle = sorted(self.microlens_focal_lengths)[len(self.microlens_focal_lengths) // 2]
+        plane, sensor = self.focus_distance / METRES_PER_MILLIMETRE, self.microlens_distance
+        if middle == sensor:
+            raise InputError(f"microlenses {sensor:g} um before the sensor show infinity by a focal length of as much")
         if plane <= self.focal_length:
             raise InputError(
                 f"the focus distance, {self.focus_distance:g} m, must be more than the focal length, "
                 f"{METRES_PER_MILLIMETRE * self.focal_length:g} m"
             )
         # By Gauss's equation the image of the plane of focus lies so far before the microlenses, or behind them.
-        before = microlens * sensor / (sensor - microlens)
+        before = _MILLIMETRES_PER_MICROMETRE * middle * sensor / (sensor - middle)
         away = 1.0 / (1.0 / self.focal_length - 1.0 / plane) + before
         if away <= 0.0:
             raise InputError(
-                f"microlenses of {1e3 * microlens:g} um, {self.microlens_distance:g} um before the sensor, would lie "
-                "before the main lens"
+                f"microlenses of {middle:g} um, {sensor:g} um before the sensor, would lie before the main lens"
             )
         return away
 
 
 def _staggered(lattice: Lattice) -> Lattice:
-    """Return a lattice with the rows of which `microlens_kinds` counts: to the next one it goes half way along."""
+    """Return a lattice whose steps are 60 degrees apart, as `microlens_kinds` needs, and not 120."""
     (x, y), (right, down) = lattice.along, lattice.across
     if not lattice.hexagonal or x * right + y * down > 0.0:
         return lattice
@@ -135,22 +146,22 @@ class DecodedFocused:
 
     Attributes
     ----------
-    prepared : the picture without dark and vignetting, with the light of each pixel.
-    lenslets : layout of its pixels.
+    grid : of the microlenses.
+    lenslets : layout of the pixels.
+    settings : for the light field's file.
+    notes : sentences for the user, about what is unusual.
+    light : picture without dark and vignetting, in units of `scale`.
+    scale : light of one unit of `light`.
+    weight : light that each pixel gets, 0..1.
     """
 
-    prepared: PreparedRaw
+    grid: Grid
     lenslets: Lenslets
-
-    @property
-    def grid(self) -> Grid:
-        """Return the grid of the microlenses."""
-        return self.prepared.grid
-
-    @property
-    def notes(self) -> Sequence[str]:
-        """Return sentences for the user, about what is unusual."""
-        return self.prepared.notes
+    settings: Mapping[str, str | float | int]
+    notes: Sequence[str]
+    light: Floats32 | NDArray[np.uint16]
+    scale: float
+    weight: Floats32
 
     @property
     def views(self) -> Views:
@@ -159,17 +170,15 @@ class DecodedFocused:
 
     def light_field(self) -> LightField:
         """Make the views and the rays."""
-        light, name, weight = self.prepared.light, self.prepared.name, self.prepared.weight
-        assert weight is not None
-        lit = np.where(weight >= LEAST_LIGHT, weight, 0.0).astype(np.float64)
-        picture = np.asarray(light if light.ndim == 3 else np.repeat(light[..., None], 3, axis=2), dtype=np.float64)
-        radiance = self.prepared.scale * lit[..., None] * picture
-        return self.lenslets.light_field(Image(radiance, settings=grid_settings(self.grid, name)), lit)
+        lit = np.where(self.weight >= LEAST_LIGHT, self.weight, 0.0).astype(np.float64)
+        gray = self.light.ndim == 2
+        picture = np.asarray(np.repeat(self.light[..., None], 3, axis=2) if gray else self.light, dtype=np.float64)
+        return self.lenslets.light_field(Image(self.scale * lit[..., None] * picture, settings=self.settings), lit)
 
     def write(self, path: str | Path, progress: Callable[[int, int], None] | None = None) -> None:
         """Write views and rays to an `.lf` file.
 
-        progress : called at the end with the number of views, twice.
+        progress : called once, at the end, with the number of views as both numbers.
 
         Raises
         ------
@@ -208,15 +217,22 @@ def decode_focused(
     if white is None:
         name = source_name(raw, "raw")
         raise InputError(f"{name}: focused microlenses are found by a white picture, and none is given")
-    prepared = prepare_raw(raw, white, dark=dark, grid=grid, bayer=bayer, srgb=srgb)
-    require_rays(prepared.name, prepared.grid.width, prepared.grid.height)
-    lenslets = optics.lenslets(prepared.grid)
-    assert prepared.weight is not None
-    if lenslets.kinds:
-        lenslets = _order_kinds(lenslets, prepared.weight.astype(np.float64), prepared.name)
+    optics.check()
+    prepared = prepare_raw(raw, white, dark=dark, grid=grid, bayer=bayer, srgb=srgb, has_glints=True)
+    found, name, weight = prepared.grid, prepared.name, prepared.weight
+    assert weight is not None
+    lenslets = optics.lenslets(found)
     if not lenslets.holds_views:
-        raise InputError(f"{prepared.name}: {prepared.grid.width} x {prepared.grid.height} pixels hold no view")
-    return DecodedFocused(prepared, lenslets)
+        raise InputError(
+            f"{name}: {found.width} x {found.height} pixels hold no view: of a focal length so near to the distance "
+            f"from the sensor, {lenslets.overlap:.3g} microlenses in a row would see one place"
+        )
+    views = lenslets.views
+    require_rays(name, found.width * found.height, views.rows * views.columns * views.width * views.height)
+    if lenslets.kinds:
+        lenslets = _order_kinds(lenslets, weight.astype(np.float64), name)
+    settings = grid_settings(found, name)
+    return DecodedFocused(found, lenslets, settings, prepared.notes, prepared.light, prepared.scale, weight)
 
 
 def _order_kinds(lenslets: Lenslets, white: FloatArray, name: str) -> Lenslets:
@@ -230,7 +246,9 @@ def _order_kinds(lenslets: Lenslets, white: FloatArray, name: str) -> Lenslets:
         for kind in range(COUNT):
             is_own = lenslets.pixel_kinds == kind
             seen, said = white[is_own], through[is_own]
-            error[kind, column] = seen @ seen - (seen @ said) ** 2 / (said @ said)
+            # A focal length that is far too short lets none through.
+            alike = (seen @ said) ** 2 / (said @ said) if said.any() else 0.0
+            error[kind, column] = seen @ seen - alike
     orders = list(itertools.permutations(range(COUNT)))
     errors = np.array([error[np.arange(COUNT), order].sum() for order in orders])
     best, second = np.sort(errors)[:2]

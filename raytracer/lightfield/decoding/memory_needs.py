@@ -15,7 +15,7 @@ _VIEW_PIXEL_BYTES, _VIEW_BYTES = 2000, 40_000
 part of the lens that it sees."""
 
 _RAY_BYTES = 350
-"""Bytes a pixel of the raw picture of a focused camera, for its rays, and for views with as many pixels in all."""
+"""Bytes a pixel of the raw picture of a focused camera, or of all views if they have more, for its rays and these."""
 
 _INSTEAD = "pictures of which the borders are cut off take less"
 
@@ -63,11 +63,12 @@ def require_light_field(name: str, stored: int) -> None:
     require_memory(stored, f"keeping all views of {name}", "fewer views (--views) take less")
 
 
-def require_rays(name: str, width: int, height: int) -> None:
-    """Refuse to make views and rays of a raw picture of a focused camera that does not fit.
+def require_rays(name: str, raw_pixels: int, view_pixels: int) -> None:
+    """Refuse to make the rays and all views of a raw picture of a focused camera that do not fit.
 
     Raises
     ------
     InputError : it takes more memory than is given.
     """
-    require_memory(_RAY_BYTES * width * height, f"sorting the rays of {name}, {width} x {height} pixels,", _INSTEAD)
+    pixels = max(raw_pixels, view_pixels)
+    require_memory(_RAY_BYTES * pixels, f"sorting the rays of {name} into views, {pixels} pixels,", _INSTEAD)

@@ -240,7 +240,7 @@ def test_intervals_from_some_of_the_tiles_hold_the_truth_of_all():
     for i, point in enumerate(found[0].points):
         assert hold([one.points[i].error for one in found], truths[point.spp])
     assert hold([one.target_spp for one in found], whole.target_spp.value)
-    # Of the whole, whose rays take a sixteenth of the time, no tile's rays are a guess.
+    # All tiles of the whole are measured, so that its rays are known; each takes a sixteenth of the time.
     assert hold([one.per_sample for one in found], 16.0 * whole.per_sample.value)
 
 

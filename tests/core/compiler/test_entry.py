@@ -169,7 +169,6 @@ _PROGRAM = """
 import sys
 import numpy as np
 from raytracer.core.compiler.dispatch import entry
-from raytracer.core.compiler.entry import needs_compiling
 from raytracer.core.simd import WIDTH, load, store
 from raytracer.core.vec import dot
 
