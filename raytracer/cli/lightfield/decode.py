@@ -15,9 +15,10 @@ from raytracer.cli.lightfield.base import Memory, Quiet, check_outputs, limit_me
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
+    from raytracer.lightfield.calibrating.camera import CameraModel
     from raytracer.lightfield.decoding.decoder import Decoded
     from raytracer.lightfield.decoding.focused import DecodedFocused, FocusedOptics
-    from raytracer.lightfield.decoding.microlens_grid import Grid
+    from raytracer.lightfield.decoding.microlens_grid import Grid, Optics
 
 _FOCUSED = "--microlens-focal-length"
 
@@ -127,13 +128,12 @@ def decode(
     focal = _length("--focal-length", focal_length, "mm")
     behind = _length("--microlens-distance", microlens_distance, "um")
 
-    from raytracer.lightfield.calibrating.camera import read_camera
     from raytracer.lightfield.decoding.decoder import decode as decode_picture
     from raytracer.lightfield.decoding.focused import decode_focused
     from raytracer.lightfield.decoding.lytro.container import is_container
     from raytracer.lightfield.decoding.lytro.decode import decode_photo
     from raytracer.lightfield.decoding.lytro.white_pictures import check_plain_white
-    from raytracer.lightfield.decoding.microlens_grid import Optics, read_grid
+    from raytracer.lightfield.decoding.microlens_grid import read_grid
     from raytracer.util.progress import Bar
 
     known = None if grid is None else read_grid(grid)
@@ -144,13 +144,7 @@ def decode(
         "--microlens-distance": behind,
         "--focus-distance": distance,
     }
-    if calibration is not None and (doubled := [name for name, value in given.items() if value is not None]):
-        raise InputError(f"--calibration and {doubled[0]} exclude each other: a calibration has the metres")
-    optics = (
-        read_camera(calibration)
-        if calibration is not None
-        else Optics(pitch, focal, f_number, microlens_distance=behind, focus_distance=distance)
-    )
+    optics = _plenoptic_optics(calibration, given)
     make: Callable[..., Decoded | DecodedFocused]
     if microlens_focal_length is not None:
         others = {"--views": views, "--calibration": calibration, "--colors": colors}
@@ -185,6 +179,25 @@ def decode(
         print(_summary(light_field.grid))
         size = light_field.views
         print(f"views        {size.columns} x {size.rows}, of {size.width} x {size.height} pixels")
+
+
+def _plenoptic_optics(calibration: str | None, given: Mapping[str, float | None]) -> "Optics | CameraModel":
+    """Return the optics of a camera by its calibration, or by the lengths that are given by option."""
+    from raytracer.lightfield.calibrating.camera import read_camera
+    from raytracer.lightfield.decoding.microlens_grid import Optics
+
+    if calibration is None:
+        return Optics(
+            pixel_pitch=given["--pixel-pitch"],
+            focal_length=given["--focal-length"],
+            f_number=given["--f-number"],
+            microlens_distance=given["--microlens-distance"],
+            focus_distance=given["--focus-distance"],
+        )
+    for option, value in given.items():
+        if value is not None:
+            raise InputError(f"--calibration and {option} exclude each other: a calibration has the metres")
+    return read_camera(calibration)
 
 
 def _focused_optics(
