@@ -10,7 +10,7 @@ from raytracer.analysis.cost.measure_scene import RayCount, Replicates
 from raytracer.analysis.cost.results import ConvergencePoint, Prediction
 from raytracer.analysis.cost.study_options import StudySettings
 from raytracer.analysis.cost.tile_sample import REPLICATES
-from raytracer.core.error_estimate.intervals import Interval, bootstrap_intervals, map_interval, sqrt_interval
+from raytracer.core.error_estimate.intervals import NORMAL, Interval, bootstrap_intervals, map_interval, sqrt_interval
 from raytracer.core.error_estimate.metric import mse_by_tile
 from raytracer.core.error_estimate.rates import PowerLaw, fit_power_law, fit_rate, split_run_penalty
 
@@ -21,9 +21,6 @@ _RESAMPLES = 1000
 
 # Student's t for 95 %, with one degree of freedom less than replicates.
 _STUDENT = 3.182
-
-# The same of a normal distribution.
-_NORMAL = 1.959964
 
 
 class PictureCost(NamedTuple):
@@ -169,7 +166,7 @@ def _spread_in_time(measured: Replicates) -> float:
 
 def _spread_in_rays(rays: RayCount) -> float:
     """Compute half the width of the interval of the logarithm of the picture's rays; 0 if seconds do not go by them."""
-    return _NORMAL * rays.error / rays.value if rays.value > 0.0 else 0.0
+    return NORMAL * rays.error / rays.value if rays.value > 0.0 else 0.0
 
 
 def widened(interval: Interval, down: float, up: float) -> Interval:

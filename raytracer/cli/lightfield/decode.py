@@ -118,7 +118,7 @@ def decode(
     Pitch, rotation and offset of the grid of microlenses are found by themselves, whether it is square or hexagonal.
     Metres need --calibration, or --pixel-pitch, --focal-length, and --f-number or --microlens-distance; without,
     distances are in pixels from view to view.  --microlens-focal-length is for focused cameras, whose pixels become
-    rays: refocus them with --method rays.
+    rays, for the method of that name of rt lightfield refocus.
     """
     if output is not None:
         check_outputs([output], (".lf",), "a light field")
@@ -194,10 +194,15 @@ def _plenoptic_optics(calibration: str | None, given: Mapping[str, float | None]
             microlens_distance=given["--microlens-distance"],
             focus_distance=given["--focus-distance"],
         )
-    for option, value in given.items():
-        if value is not None:
-            raise InputError(f"--calibration and {option} exclude each other: a calibration has the metres")
+    _exclude("--calibration", given, "a calibration has the metres")
     return read_camera(calibration)
+
+
+def _exclude(option: str, others: Mapping[str, object], reason: str) -> None:
+    """Check that none of the options is given that exclude another one; an InputError gives the reason."""
+    for other, value in others.items():
+        if value is not None:
+            raise InputError(f"{option} and {other} exclude each other: {reason}")
 
 
 def _focused_optics(
@@ -210,9 +215,7 @@ def _focused_optics(
     """
     from raytracer.lightfield.decoding.focused import FocusedOptics
 
-    for option, value in others.items():
-        if value is not None:
-            raise InputError(f"{_FOCUSED} and {option} exclude each other: {option} is not for focused cameras")
+    _exclude(_FOCUSED, others, "focused cameras have no such choice")
     lengths = {option: value for option, value in given.items() if value is not None}
     for option in given:
         if option not in lengths:

@@ -98,8 +98,10 @@ class Entry:
     def is_at_hand(self, *arguments: Any) -> bool:
         """Tell if there is machine code for these types, in this process or on disk."""
         kinds = tuple(pack_argument(argument).kind for argument in arguments)
+        if kinds in self._codes:
+            return True
         key = self._key(kinds)
-        return kinds in self._codes or (key is not None and self._files().has(key))
+        return key is not None and self._files().has(key)
 
     def _code(self, kinds: Hashable, arguments: Sequence[Any]) -> LoadedCode:
         """Find the machine code for types of arguments, in this process, on disk, or by compiling."""

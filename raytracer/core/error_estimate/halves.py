@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from raytracer.core.error_estimate.intervals import NORMAL
 from raytracer.core.error_estimate.metric import FLOOR, mean_scale
 from raytracer.core.error_estimate.rates import MAX_EXPONENT, MIN_EXPONENT, ConvergenceRate, fit_differences
 
@@ -50,9 +51,6 @@ _NOISE_OF_WEIGHTS = 0.25
 
 # Variance of the square of a normal number over the mean of its fourth power.
 _LEAST_SPREAD = 2.0 / 3.0
-
-# Standard deviations of a normal distribution that hold 95 %.
-_Z = 1.959964
 
 # Tiles of one batch, for the caches.
 _BATCH_TILES = 64
@@ -157,7 +155,7 @@ class ErrorEstimator:
             return ErrorEstimate(0.0, 0.0, 0.0, MIN_EXPONENT, samples)
         error = math.sqrt(total / pixels)
         of_sums = math.sqrt(math.fsum(group.variance for group in groups)) / (2.0 * total)
-        factor = math.exp(_Z * math.hypot(of_sums, _NOISE_OF_WEIGHTS * error * (1.0 + error)))
+        factor = math.exp(NORMAL * math.hypot(of_sums, _NOISE_OF_WEIGHTS * error * (1.0 + error)))
         exponent = math.fsum(group.squared_error * group.exponent for group in groups) / total
         return ErrorEstimate(error, error / factor, error * factor, exponent, samples)
 

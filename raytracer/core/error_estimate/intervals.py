@@ -12,6 +12,9 @@ Array = NDArray[np.float64]
 LEVEL = 0.95
 """Probability with which an interval holds the true value."""
 
+NORMAL = 1.959964
+"""Standard deviations of a normal distribution that hold as much."""
+
 RESAMPLES = 2000
 
 
